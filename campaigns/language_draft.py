@@ -65,7 +65,7 @@ def _quantities(values: tuple[float, ...], unit: str) -> Value:
 
 
 def scaled(text: str, factor: float) -> str:
-    """An expression whose first number is so many times as much, as if someone had written it so."""
+    """An expression whose first number is so many times as much."""
     return _NUMBER.sub(lambda found: f"{float(found[0]) * factor:g}", text, count=1)
 
 
@@ -123,7 +123,9 @@ class LanguageDraft(Draws):
 
     def nice(self, low: float, high: float) -> float:
         """A number of two digits as one writes them, uniform in the logarithm."""
-        return float(f"{self.spread(low, high):.1e}" if self.chance(0.3) else self._rounder(low, high))
+        return float(
+            f"{self.spread(low, high):.1e}" if self.chance(0.3) else self._rounder(low, high)
+        )
 
     def _rounder(self, low: float, high: float) -> float:
         digits = [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8]
@@ -185,16 +187,25 @@ class LanguageDraft(Draws):
         if self.gain_factor != 1.0:
             made["law"] = _multiplied(made.get("law", ""), self.gain_factor)
             made["stages"] = {
-                name: {k: _multiplied(v, self.gain_factor) if k == "law" else v for k, v in s.items()}
+                name: {
+                    k: _multiplied(v, self.gain_factor) if k == "law" else v for k, v in s.items()
+                }
                 for name, s in self.stages.items()
             }
-        return yaml.dump(
-            made, Dumper=_Plain, sort_keys=False, width=1000, default_flow_style=None
-        )
+        return yaml.dump(made, Dumper=_Plain, sort_keys=False, width=1000, default_flow_style=None)
 
 
 class _Plain(yaml.SafeDumper):
-    """Without anchors, which the language does not have."""
+    """Without anchors, and with `on`, `y` and `no` as the words that they are in the language."""
+
+    yaml_implicit_resolvers = {  # noqa: RUF012
+        first: [
+            (tag, pattern)
+            for tag, pattern in known
+            if not (tag == "tag:yaml.org,2002:bool" and first in "yYnNoO")
+        ]
+        for first, known in yaml.SafeDumper.yaml_implicit_resolvers.items()
+    }
 
     def ignore_aliases(self, data: Value) -> bool:  # noqa: ARG002
         return True
@@ -216,7 +227,9 @@ def _slower(value: Value, factor: float, key: str) -> Value:
     if isinstance(value, Mapping):
         made = {k: _slower(v, factor, k) for k, v in value.items()}
         if "move" in made and "speed" not in made:
-            made["speed"] = f"({'30 deg/s' if 'deg' in str(made['move']) else '50 mm/s'})/{factor:g}"
+            made["speed"] = (
+                f"({'30 deg/s' if 'deg' in str(made['move']) else '50 mm/s'})/{factor:g}"
+            )
         return made
     if isinstance(value, list) or key in ("until", "fail_if", "when"):
         return value

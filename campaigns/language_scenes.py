@@ -7,7 +7,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from language_draft import FORCE_LOOPS, LAWS, MULTIPLIERS, LanguageDraft, Section, Value, deg, mm, newton
+from language_draft import (
+    FORCE_LOOPS,
+    LAWS,
+    MULTIPLIERS,
+    LanguageDraft,
+    Section,
+    Value,
+    deg,
+    mm,
+    newton,
+)
 
 #: A table of points beside the file, from where a stage begins: see `language_tasks.COMPANIONS`.
 OUTLINE = "outline.csv"
@@ -24,7 +34,7 @@ class Surface:
 
     Attributes:
         name: of the object. shape: of it. point: of the surface under the tool [mm].
-        rpy: of the surface there [deg]. own: whether the object's own frame has its z along the normal.
+        rpy: of the surface there [deg]. own: whether z of the object's own frame is its normal.
     """
 
     name: str
@@ -43,7 +53,7 @@ class Surface:
         return np.array([math.sin(b) * math.cos(a), -math.sin(a), math.cos(b) * math.cos(a)])
 
 
-# --- robots and tools ------------------------------------------------------------------------
+# --- robots and tools -------------------------------------------------------------------
 
 
 def arm(d: LanguageDraft, *tools: str, models: tuple[str, ...] = ("ur5e", "panda")) -> None:
@@ -75,7 +85,7 @@ def tool(d: LanguageDraft, *shapes: str) -> Section:
     return made
 
 
-# --- what is touched ---------------------------------------------------------------------------
+# --- what is touched --------------------------------------------------------------------
 
 
 def material(d: LanguageDraft) -> Section:
@@ -129,12 +139,14 @@ def over(d: LanguageDraft, s: Surface) -> float:
     # The default tool is a ball, too, and its tip is what is placed.
     d["robot"]["start"] = {"xyz": [mm(round(x, 2)) for x in s.point + gap * s.normal]}
     if not s.level or d.chance(0.25):
-        d["robot"]["start"]["rpy"] = deg(s.rpy[0] + 180, s.rpy[1], 0 if not s.level else d.pick(0, 0, 45, 90))
+        d["robot"]["start"]["rpy"] = deg(
+            s.rpy[0] + 180, s.rpy[1], 0 if not s.level else d.pick(0, 0, 45, 90)
+        )
     return gap
 
 
 def choose_frame(d: LanguageDraft, s: Surface) -> np.ndarray | None:
-    """The file's frame; where the tool is in its xy plane, or None where positions count from the stage."""
+    """Draws the frame; the tool's place in its xy plane, None where positions are relative."""
     kinds = ["surface"] * 3 + ["own"] * s.own * 2 + ["world"] * s.level + ["bench"] * s.level
     kind = d.one_of(kinds)
     place = d["world"][s.name]["xyz"]
@@ -157,7 +169,7 @@ def choose_frame(d: LanguageDraft, s: Surface) -> np.ndarray | None:
     return s.point[:2]
 
 
-# --- stages ----------------------------------------------------------------------------------------
+# --- stages -----------------------------------------------------------------------------
 
 
 def touched(d: LanguageDraft, name: str, level: float) -> str:
@@ -216,7 +228,7 @@ def strokes(d: LanguageDraft, at: np.ndarray | None) -> Section:
     pace = f"{v:g} mm/s"
     offset = "" if at is None or not here[0] else f"{x} + "
     kinds = ["sine", "rate", "until", "move", "line", "to", "arc", "raster", "spiral"]
-    kinds += ["waypoints", "lissajous", "feed"] + ["file"] * (at is None)
+    kinds += ["waypoints", "lissajous", "feed"] + ["file"] * 2 * (at is None)
     kind = d.one_of(kinds)
     if kind == "sine":
         return {
@@ -224,7 +236,9 @@ def strokes(d: LanguageDraft, at: np.ndarray | None) -> Section:
             "time": f"{period * d.pick(1, 1, 2):g} s",
         }
     if kind == "rate":
-        speed = d.pick(f"{v / 2:g} mm/s * smooth(t/(0.5 s))", f"{v / 2:g} mm/s * sin(2*pi*t/({period} s))")
+        speed = d.pick(
+            f"{v / 2:g} mm/s * smooth(t/(0.5 s))", f"{v / 2:g} mm/s * sin(2*pi*t/({period} s))"
+        )
         return {"axes": {d.pick("x", "y"): {"velocity": speed}}, "time": f"{d.pick(1, 2)} s"}
     if kind == "until":
         end = f"travel > {a:g} mm" if at is not None else f"position.x > {a:g} mm"
@@ -246,7 +260,10 @@ def strokes(d: LanguageDraft, at: np.ndarray | None) -> Section:
             "raster": {"size": mm(a, d.sign() * b), "pitch": mm(d.pick(4, 5, 10))},
             "speed": pace,
         },
-        "spiral": {"spiral": {"pitch": mm(d.pick(1, 2, 4)), "radius": mm(d.pick(4, 6, 8))}, "speed": pace},
+        "spiral": {
+            "spiral": {"pitch": mm(d.pick(1, 2, 4)), "radius": mm(d.pick(4, 6, 8))},
+            "speed": pace,
+        },
         "waypoints": {
             "waypoints": {
                 "points": [mm(here[0], y), mm(here[0] + a, y), mm(here[0] + a, y + b)],
@@ -326,7 +343,7 @@ def bound(d: LanguageDraft, value: float) -> None:
         limits["deviation"] = mm(d.pick(10, 20, 30))
 
 
-# --- scenes ------------------------------------------------------------------------------------------
+# --- scenes -----------------------------------------------------------------------------
 
 
 def press(d: LanguageDraft) -> None:
@@ -344,7 +361,11 @@ def press(d: LanguageDraft) -> None:
     count = d.pick(1, 1, 2, 3)
     for number in range(count):
         stage = ("settle", "work", "finish")[number]
-        along = strokes(d, at) if (d.chance(0.65) or number) and not (at is not None and number > 1) else {}
+        along = (
+            strokes(d, at)
+            if (d.chance(0.65) or number) and not (at is not None and number > 1)
+            else {}
+        )
         made: Section = along or {"time": f"{d.pick(1, 1.5, 2, 3)} s"}
         z: Section = {"force": force_text(d, name, value)}
         if d.chance(0.25):
@@ -382,7 +403,8 @@ def planar(d: LanguageDraft) -> None:
     d.use_law()
     arm(d, "ball", "", models=("planar2", "planar3"))
     x, y = d.grid(330, 420, 10), d.grid(60, 200, 10)
-    gap, value = d.grid(5, 20, 5), d.grid(3, 15, 1)
+    tip = float(d["robot"].get("tool", {}).get("radius", "10 mm").split()[0])
+    gap, value = tip + d.grid(5, 20, 5), d.grid(3, 15, 1)
     side = d.pick("x", "y")
     place = mm(x + gap, 0, 0) if side == "x" else mm(0, y + gap, 0)
     rpy = [0, "-90 deg", 0] if side == "x" else ["90 deg", 0, 0]
@@ -402,7 +424,10 @@ def planar(d: LanguageDraft) -> None:
         {"velocity": f"{d.grid(10, 30, 5):g} mm/s"},
         {"hold": "start"},
     )
-    d.stages["press"] = {"axes": {side: {"force": name}, across: wander}, "time": f"{d.pick(2, 3, 4)} s"}
+    d.stages["press"] = {
+        "axes": {side: {"force": name}, across: wander},
+        "time": f"{d.pick(2, 3, 4)} s",
+    }
     expect(d, f"mean(press.force.{side}) within {name} +- {20 if d.law in FORCE_LOOPS else 40} %")
     if d.chance(0.5):
         expect(d, "max(norm(force)) < 60 N")
@@ -421,14 +446,47 @@ def air(d: LanguageDraft) -> None:
     stages: list[tuple[str, Section]] = [
         ("aside", {"axes": {"y": {"move": mm(d.sign() * a), "speed": f"{v:g} mm/s"}}}),
         ("roll", {"axes": {d.pick("rx", "ry", "rz"): {"move": deg(d.sign() * d.grid(5, 30, 5))}}}),
-        ("swing", {"axes": {"x": {"velocity": f"{v / 2:g} mm/s * sin(2*pi*t/(2 s))"}}, "time": "2 s"}),
+        (
+            "swing",
+            {"axes": {"x": {"velocity": f"{v / 2:g} mm/s * sin(2*pi*t/(2 s))"}}, "time": "2 s"},
+        ),
         ("spin", {"axes": {"rz": {"velocity": f"{d.grid(5, 25, 5):g} deg/s"}}, "time": "1.5 s"}),
-        ("sway", {"axes": {"rx": {"position": f"{d.pick(3, 5, 10)} deg * sin(2*pi*t/(3 s))"}}, "time": "3 s"}),
+        (
+            "sway",
+            {
+                "axes": {"rx": {"position": f"{d.pick(3, 5, 10)} deg * sin(2*pi*t/(3 s))"}},
+                "time": "3 s",
+            },
+        ),
         ("carry", {"path": {"line": {"by": mm(a, b, d.sign() * 20)}, "speed": f"{v:g} mm/s"}}),
-        ("lean", {"path": {"line": {"by": [0, 0, 0, *deg(d.grid(5, 20, 5), d.grid(5, 15, 5))]}, "time": "2 s"}}),
-        ("eight", {"path": {"lissajous": {"amplitude": mm(a / 2, b / 2), "turns": [1, 2]}, "time": f"{d.pick(4, 6)} s"}}),
+        (
+            "lean",
+            {
+                "path": {
+                    "line": {"by": [0, 0, 0, *deg(d.grid(5, 20, 5), d.grid(5, 15, 5))]},
+                    "time": "2 s",
+                }
+            },
+        ),
+        (
+            "eight",
+            {
+                "path": {
+                    "lissajous": {"amplitude": mm(a / 2, b / 2), "turns": [1, 2]},
+                    "time": f"{d.pick(4, 6)} s",
+                }
+            },
+        ),
         ("fetch", {"path": {"joints": deg(*joints), "speed": f"{d.grid(20, 60, 10):g} deg/s"}}),
-        ("parts", {"path": {"joints": [deg(*joints), deg(*_OVER_THE_BENCH[d.model])], "time": f"{d.pick(5, 6)} s"}}),
+        (
+            "parts",
+            {
+                "path": {
+                    "joints": [deg(*joints), deg(*_OVER_THE_BENCH[d.model])],
+                    "time": f"{d.pick(5, 6)} s",
+                }
+            },
+        ),
         ("pause", {"time": f"{d.pick(0.3, 0.5, 1)} s"}),
         ("loosen", {"axes": {"y": "free"}, "time": "1 s"}),
     ]
@@ -440,15 +498,28 @@ def air(d: LanguageDraft) -> None:
         d.stages[name] = made
         jointed |= "joints" in made.get("path", {})
         if d.chance(0.4) and not jointed and name != "loosen":
-            expect(d, d.pick(f"max(abs({name}.error.z)) < 10 mm", f"max({name}.speed) < 500 mm/s",
-                             f"rms({name}.error.y) < 8 mm", f"max(norm({name}.error)) < 25 mm"))
+            expect(
+                d,
+                d.pick(
+                    f"max(abs({name}.error.z)) < 10 mm",
+                    f"max({name}.speed) < 500 mm/s",
+                    f"rms({name}.error.y) < 8 mm",
+                    f"max(norm({name}.error)) < 25 mm",
+                ),
+            )
         elif name in ("fetch", "parts"):
             expect(d, f"max({name}.joint_error) < {d.pick(0.5, 1, 2)} deg")
     if d.chance(0.4):
         d["limits"]["speed"] = f"{d.pick(300, 400, 500)} mm/s"
     if d.chance(0.2):
-        expect(d, d.pick("max(abs(joint.4.velocity)) < 120 deg/s", "max(abs(joint.2.torque)) < 140 N*m",
-                         "max(norm(force)) < 5 N"))
+        expect(
+            d,
+            d.pick(
+                "max(abs(joint.4.velocity)) < 120 deg/s",
+                "max(abs(joint.2.torque)) < 140 N*m",
+                "max(norm(force)) < 5 N",
+            ),
+        )
 
 
 def held(d: LanguageDraft) -> None:
@@ -458,7 +529,11 @@ def held(d: LanguageDraft) -> None:
     d.model = d.one_of(("panda", "ur5e"))
     x, y, z = d.grid(430, 500, 10), d.grid(-60, 60, 20), d.grid(300, 400, 10)
     made: Section = {"mechanism": kind, "xyz": mm(x, y, z)}
-    name = {"hinge": d.pick("crank", "door", "lever"), "slide": d.pick("drawer", "bolt"), "screw": "valve"}[kind]
+    name = {
+        "hinge": d.pick("crank", "door", "lever"),
+        "slide": d.pick("drawer", "bolt"),
+        "screw": "valve",
+    }[kind]
     d["robot"] |= {"model": d.model, "grasp": f"{name}.handle"}
     if d.chance(0.3):
         d["robot"]["tool"] = tool(d, "ball", "flat")
@@ -474,7 +549,10 @@ def held(d: LanguageDraft) -> None:
 
 def _held_slide(d: LanguageDraft, name: str, made: Section) -> None:
     way, v = d.grid(40, 120, 10), d.grid(30, 100, 10)
-    made |= {"rpy": d.pick([0, "90 deg", 0], ["90 deg", 0, 0], [0, 0, 0]), "mass": f"{d.nice(0.5, 4):g} kg"}
+    made |= {
+        "rpy": d.pick([0, "90 deg", 0], ["90 deg", 0, 0], [0, 0, 0]),
+        "mass": f"{d.nice(0.5, 4):g} kg",
+    }
     made["damping"] = f"{d.nice(2, 30):g} N*s/m"
     if d.chance(0.6):
         made["friction"] = newton(d.nice(1, 8))
@@ -484,7 +562,11 @@ def _held_slide(d: LanguageDraft, name: str, made: Section) -> None:
         made["detent"] = {"at": mm(15), "force": newton(d.pick(4, 8, 12)), "width": mm(8)}
     d["world"][name] = made
     d["frame"] = f"{name}.handle"
-    axes: Section = {"x": {"force": 0}, "y": {"force": 0}, "z": {"velocity": f"{v:g} mm/s * smooth(t/(0.3 s))"}}
+    axes: Section = {
+        "x": {"force": 0},
+        "y": {"force": 0},
+        "z": {"velocity": f"{v:g} mm/s * smooth(t/(0.3 s))"},
+    }
     if d.chance(0.4):
         axes["z"] = {"move": mm(way), "speed": f"{v:g} mm/s"}
         d.stages["pull"] = {"axes": axes}
@@ -501,7 +583,10 @@ def _held_slide(d: LanguageDraft, name: str, made: Section) -> None:
 
 def _held_hinge(d: LanguageDraft, name: str, made: Section) -> None:
     radius, angle, v = d.grid(80, 200, 10), d.grid(30, 90, 10), d.grid(30, 90, 10)
-    made |= {"handle": d.pick(mm(radius, 0, 0), mm(0, -radius, 0)), "inertia": f"{d.nice(0.01, 0.2):g} kg*m^2"}
+    made |= {
+        "handle": d.pick(mm(radius, 0, 0), mm(0, -radius, 0)),
+        "inertia": f"{d.nice(0.01, 0.2):g} kg*m^2",
+    }
     if d.chance(0.6):
         made["knob"] = "free"
     if d.chance(0.8):
@@ -515,22 +600,39 @@ def _held_hinge(d: LanguageDraft, name: str, made: Section) -> None:
     d["world"][name] = made
     d["frame"] = f"{name}.handle"
     turning: Value = {"hold": "world"} if made.get("knob") == "free" else {"follows": name}
-    axes: Section = {"x": {"force": 0}, "y": {"velocity": f"{v:g} mm/s * smooth(t/(0.3 s))"}, "z": {"force": 0}}
+    axes: Section = {
+        "x": {"force": 0},
+        "y": {"velocity": f"{v:g} mm/s * smooth(t/(0.3 s))"},
+        "z": {"force": 0},
+    }
     if made.get("knob") == "free" or d.chance(0.7):
         axes["rz"] = turning
     if d.chance(0.5):
         axes |= {"rx": {"torque": 0}, "ry": {"torque": 0}}
     time = math.ceil(math.radians(angle) * radius / v + 2)
-    d.stages["rotate"] = {"axes": axes, "until": f"{name}.angle > {angle:g} deg", "within": {"time": f"{time} s"}}
+    d.stages["rotate"] = {
+        "axes": axes,
+        "until": f"{name}.angle > {angle:g} deg",
+        "within": {"time": f"{time} s"},
+    }
     if d.chance(0.3):
         d.stages["hold"] = {"time": "0.5 s"}
-    expect(d, d.pick(f"last({name}.angle) > {angle - 5:g} deg", f"max(abs(rotate.{name}.torque)) < 15 N*m",
-                     "max(norm(rotate.force)) < 80 N"))
+    expect(
+        d,
+        d.pick(
+            f"last({name}.angle) > {angle - 5:g} deg",
+            f"max(abs(rotate.{name}.torque)) < 15 N*m",
+            "max(norm(rotate.force)) < 80 N",
+        ),
+    )
 
 
 def _held_screw(d: LanguageDraft, name: str, made: Section) -> None:
     radius, angle, v = d.pick(0, 60, 80, 100), d.grid(30, 90, 10), d.grid(20, 60, 10)
-    made |= {"pitch": f"{d.pick(2, 4, 8, 10)} mm/turn", "damping": f"{d.nice(0.02, 0.2):g} N*m*s/rad"}
+    made |= {
+        "pitch": f"{d.pick(2, 4, 8, 10)} mm/turn",
+        "damping": f"{d.nice(0.02, 0.2):g} N*m*s/rad",
+    }
     if radius:
         made["handle"] = mm(radius, 0, 0)
     if d.chance(0.4):
@@ -538,15 +640,29 @@ def _held_screw(d: LanguageDraft, name: str, made: Section) -> None:
     d["world"][name] = made
     d["frame"] = f"{name}.handle"
     if radius:
-        axes: Section = {"x": {"force": 0}, "y": {"velocity": f"{v:g} mm/s"}, "z": {"force": 0}, "rz": {"follows": name}}
+        axes: Section = {
+            "x": {"force": 0},
+            "y": {"velocity": f"{v:g} mm/s"},
+            "z": {"force": 0},
+            "rz": {"follows": name},
+        }
         if d.chance(0.4):
             axes["z"] = {"follows": name}
         time = math.ceil(math.radians(angle) * radius / v + 2)
     else:
         rate = d.grid(10, 40, 5)
-        axes = {"x": {"force": 0}, "y": {"force": 0}, "z": {"follows": name}, "rz": {"velocity": f"{rate:g} deg/s"}}
+        axes = {
+            "x": {"force": 0},
+            "y": {"force": 0},
+            "z": {"follows": name},
+            "rz": {"velocity": f"{rate:g} deg/s"},
+        }
         time = math.ceil(angle / rate + 2)
-    d.stages["open"] = {"axes": axes, "until": f"{name}.angle > {angle:g} deg", "within": {"time": f"{time} s"}}
+    d.stages["open"] = {
+        "axes": axes,
+        "until": f"{name}.angle > {angle:g} deg",
+        "within": {"time": f"{time} s"},
+    }
     expect(d, d.pick(f"max({name}.travel) > 0", f"max(abs({name}.torque)) < 10 N*m"))
 
 
@@ -558,21 +674,39 @@ def pushed(d: LanguageDraft) -> None:
     bound(d, 10)
     if d.chance(0.6):
         way = d.pick(4, 6, 8)
-        button: Section = {"mechanism": "slide", "xyz": mm(x, y, z), "rpy": ["180 deg", 0, 0], "mass": f"{d.pick(30, 50, 100)} g",
-                           "damping": f"{d.pick(5, 10, 20)} N*s/m", "stop": f"0 .. {way} mm"}
+        button: Section = {
+            "mechanism": "slide",
+            "xyz": mm(x, y, z),
+            "rpy": ["180 deg", 0, 0],
+            "mass": f"{d.pick(30, 50, 100)} g",
+            "damping": f"{d.pick(5, 10, 20)} N*s/m",
+            "stop": f"0 .. {way} mm",
+        }
         if d.chance(0.6):
             button["friction"] = newton(d.pick(0.5, 1, 2))
         if d.chance(0.6):
-            button["detent"] = {"at": mm(way / 2), "force": newton(d.pick(3, 5, 8)), "width": mm(way / 4)}
+            button["detent"] = {
+                "at": mm(way / 2),
+                "force": newton(d.pick(3, 5, 8)),
+                "width": mm(way / 4),
+            }
         cap: Section = {"shape": d.pick("cylinder", "box"), "on": "button", "xyz": [0, 0, mm(10)]}
-        cap |= {"radius": mm(15), "length": mm(20)} if cap["shape"] == "cylinder" else {"size": mm(30, 30, 20)}
+        cap |= (
+            {"radius": mm(15), "length": mm(20)}
+            if cap["shape"] == "cylinder"
+            else {"size": mm(30, 30, 20)}
+        )
         d["world"] |= {"button": button, "cap": cap | material(d)}
         gap = d.grid(10, 25, 5)
         d["robot"]["start"] = {"xyz": mm(x, y, z + gap)}
         approach(d, "cap", gap)
         level = d.pick(8, 10, 15)
         d.stages["push"] = d.pick(
-            {"axes": {"z": {"velocity": "-5 mm/s"}}, "until": f"force.z < -{level} N", "within": {"time": "5 s", "travel": mm(20)}},
+            {
+                "axes": {"z": {"velocity": "-5 mm/s"}},
+                "until": f"force.z < -{level} N",
+                "within": {"time": "5 s", "travel": mm(20)},
+            },
             {"axes": {"z": {"force": newton(-level), "ramp": "0.5 s"}}, "time": "1.5 s"},
             {"axes": {"z": {"move": mm(-way - 1), "speed": "10 mm/s"}}},
         )
@@ -581,15 +715,31 @@ def pushed(d: LanguageDraft) -> None:
         return
     radius = d.grid(200, 300, 20)
     d["world"] |= {
-        "door": {"mechanism": "hinge", "xyz": mm(x, y - radius, z), "handle": mm(0, radius, 0),
-                 "inertia": f"{d.nice(0.05, 0.4):g} kg*m^2", "damping": f"{d.nice(0.2, 2):g} N*m*s/rad", "stop": "-90 .. 90 deg"},
-        "leaf": {"shape": "box", "on": "door", "size": mm(20, 2 * radius, 200), "xyz": mm(0, radius, 0)} | material(d),
+        "door": {
+            "mechanism": "hinge",
+            "xyz": mm(x, y - radius, z),
+            "handle": mm(0, radius, 0),
+            "inertia": f"{d.nice(0.05, 0.4):g} kg*m^2",
+            "damping": f"{d.nice(0.2, 2):g} N*m*s/rad",
+            "stop": "-90 .. 90 deg",
+        },
+        "leaf": {
+            "shape": "box",
+            "on": "door",
+            "size": mm(20, 2 * radius, 200),
+            "xyz": mm(0, radius, 0),
+        }
+        | material(d),
     }
     gap = d.grid(10, 20, 5)
     tip = d["robot"].get("tool", {}).get("radius", "10 mm").split()[0]
     d["robot"]["start"] = {"xyz": mm(x - 10 - gap - float(tip), y, z)}
     v = d.grid(20, 60, 10)
-    d.stages["reach"] = {"axes": {"x": {"velocity": f"{v:g} mm/s"}}, "until": "force.x > 1 N for 5 ms", "within": {"time": "3 s"}}
+    d.stages["reach"] = {
+        "axes": {"x": {"velocity": f"{v:g} mm/s"}},
+        "until": "force.x > 1 N for 5 ms",
+        "within": {"time": "3 s"},
+    }
     d.stages["push"] = {"axes": {"x": {"move": mm(d.grid(30, 80, 10)), "speed": f"{v:g} mm/s"}}}
     expect(d, d.pick("max(abs(door.angle)) > 3 deg", "max(norm(force)) < 80 N"))
 
@@ -601,14 +751,28 @@ def rail(d: LanguageDraft) -> None:
     if kind == "joints":
         d.model = "planar3"
         d["robot"] |= {"model": "planar3", "start": {"joints": deg(30, 40, -70)}}
-        d["world"]["bars"] = {"equation": "q1 + q2 + q3 = 0", "stiffness": "2 kN*m/rad", "damping": "5 N*m*s/rad"}
-        d.stages["go"] = {"axes": {"x": {"velocity": f"{d.sign() * d.grid(10, 40, 10):g} mm/s * sin(2*pi*t/(2 s))"}}, "time": "2 s"}
+        d["world"]["bars"] = {
+            "equation": "q1 + q2 + q3 = 0",
+            "stiffness": "2 kN*m/rad",
+            "damping": "5 N*m*s/rad",
+        }
+        d.stages["go"] = {
+            "axes": {
+                "x": {"velocity": f"{d.sign() * d.grid(10, 40, 10):g} mm/s * sin(2*pi*t/(2 s))"}
+            },
+            "time": "2 s",
+        }
         if d.law in MULTIPLIERS and d.chance(0.6):
             d.stages["go"]["constraints"] = {"bars": {"torque": f"{d.pick(0.5, 1, 2)} N*m"}}
         expect(d, "max(abs(bars.gap)) < 1 deg")
         return
     arm(d, "ball", "", models=("panda", "ur5e"))
-    x, y, z, r = d.grid(430, 500, 10), d.grid(-60, 60, 20), d.grid(320, 400, 10), d.grid(50, 100, 10)
+    x, y, z, r = (
+        d.grid(430, 500, 10),
+        d.grid(-60, 60, 20),
+        d.grid(320, 400, 10),
+        d.grid(50, 100, 10),
+    )
     k = f"{d.nice(10, 80):g} kN/m"
     d["frames"]["rail"] = {"xyz": mm(x, y, z)}
     d["frame"] = "rail"
@@ -616,21 +780,38 @@ def rail(d: LanguageDraft) -> None:
     force = d.grid(4, 15, 1)
     if kind == "ring":
         d["robot"]["start"] = {"xyz": mm(x + r, y, z)}
-        d["world"]["rim"] = {"equation": f"x^2 + y^2 = ({r:g} mm)^2", "frame": "rail", "stiffness": k, "damping": "100 N*s/m"}
+        d["world"]["rim"] = {
+            "equation": f"x^2 + y^2 = ({r:g} mm)^2",
+            "frame": "rail",
+            "stiffness": k,
+            "damping": "100 N*s/m",
+        }
         if d.chance(0.5):
             d["world"]["level"] = {"equation": "z = 0 mm", "frame": "rail", "stiffness": k}
-        d.stages["round"] = {"path": {"arc": {"center": [0, 0], "turns": d.pick(0.5, 1, -1)}, d.pick("time", "time"): f"{d.pick(5, 6, 8)} s"}}
+        d.stages["round"] = {
+            "path": {
+                "arc": {"center": [0, 0], "turns": d.pick(0.5, 1, -1)},
+                "time": f"{d.pick(5, 6, 8)} s",
+            }
+        }
         if multipliers:
-            d.stages["round"]["constraints"] = {"rim": {"force": newton(d.sign() * force)}}
-            expect(d, f"mean(round.rim.force) within {d.stages['round']['constraints']['rim']['force']} +- 20 %")
+            push = newton(d.sign() * force)
+            d.stages["round"]["constraints"] = {"rim": {"force": push}}
+            expect(d, f"mean(round.rim.force) within {push} +- 20 %")
         return
     up = kind == "ceiling"
     d["robot"]["start"] = {"xyz": mm(x, y, z)}
     edge = f"z {'<=' if up else '>='} {z:g} mm"
-    d["world"][kind] = {"equation": edge + (" + 2 mm * sin(2*pi*clock*0.5 Hz)" if d.chance(0.25) else ""), "stiffness": k}
+    d["world"][kind] = {
+        "equation": edge + (" + 2 mm * sin(2*pi*clock*0.5 Hz)" if d.chance(0.25) else ""),
+        "stiffness": k,
+    }
     d["world"][kind]["damping"] = "60 N*s/m"
     push = newton(force if up else -force)
-    stage: Section = {"axes": {"x": {"velocity": f"{d.grid(10, 40, 10):g} mm/s * smooth(t/(0.5 s))"}}, "time": f"{d.pick(1, 2)} s"}
+    stage: Section = {
+        "axes": {"x": {"velocity": f"{d.grid(10, 40, 10):g} mm/s * smooth(t/(0.5 s))"}},
+        "time": f"{d.pick(1, 2)} s",
+    }
     if multipliers:
         stage["constraints"] = {kind: {"force": push, "ramp": "0.5 s"}}
     else:
@@ -654,14 +835,23 @@ def insertion(d: LanguageDraft) -> None:
         made |= {"radius": mm(r), "depth": mm(depth)}
         if d.chance(0.3):
             made["size"] = mm(120, 120, depth + 20)
-        d["robot"]["tool"] = {"shape": "cylinder", "radius": mm(r - clear / 2), "thickness": mm(depth + 10), "length": mm(length)}
+        d["robot"]["tool"] = {
+            "shape": "cylinder",
+            "radius": mm(r - clear / 2),
+            "thickness": mm(depth + 10),
+            "length": mm(length),
+        }
     elif kind == "slot":
         arm(d, "")
         w = d.grid(10, 20, 2)
         made |= {"width": mm(w), "depth": mm(depth)}
         if d.chance(0.4):
             made["length"] = mm(80)
-        d["robot"]["tool"] = {"shape": "box", "size": mm(30, w - clear, depth + 10), "length": mm(length)}
+        d["robot"]["tool"] = {
+            "shape": "box",
+            "size": mm(30, w - clear, depth + 10),
+            "length": mm(length),
+        }
     else:
         arm(d, "ball")
         made |= {"angle": deg(d.pick(60, 90, 120)), "depth": mm(d.pick(10, 15))}
@@ -676,26 +866,45 @@ def insertion(d: LanguageDraft) -> None:
     yaw = d.pick(0, 90) if kind == "slot" else 0
     if yaw:
         made["rpy"] = deg(0, 0, yaw)
-    d["robot"]["start"] = {"xyz": mm(x + (0 if kind == "slot" else aside), y, z + gap), "rpy": deg(180, 0, -yaw)}
+    d["robot"]["start"] = {
+        "xyz": mm(x + (0 if kind == "slot" else aside), y, z + gap),
+        "rpy": deg(180, 0, -yaw),
+    }
     d["limits"]["force"] = newton(d.pick(40, 60, 80))
     value = d.grid(5, 12, 1)
     if kind == "groove":
         approach(d, name, gap)
-        d.stages["follow"] = {"axes": {"x": {"move": mm(d.grid(30, 80, 10)), "speed": f"{d.grid(20, 50, 10):g} mm/s"},
-                                       "y": {"force": 0}, "z": {"force": newton(-value)}}}
+        d.stages["follow"] = {
+            "axes": {
+                "x": {"move": mm(d.grid(30, 80, 10)), "speed": f"{d.grid(20, 50, 10):g} mm/s"},
+                "y": {"force": 0},
+                "z": {"force": newton(-value)},
+            }
+        }
         expect(d, f"mean(follow.force.z) within {-value:g} N +- 20 %")
         return
-    soft: Section = {"x": {"force": 0}, "y": {"force": 0}, "z": {"force": newton(-value)}, "rx": {"torque": 0}, "ry": {"torque": 0}}
+    soft: Section = {
+        "x": {"force": 0},
+        "y": {"force": 0},
+        "z": {"force": newton(-value)},
+        "rx": {"torque": 0},
+        "ry": {"torque": 0},
+    }
     if kind == "hole" and aside:
         approach(d, name, gap)
         d.stages["search"] = {
             "axes": {"z": {"force": newton(-value)}},
-            "path": {"spiral": {"pitch": mm(d.pick(0.5, 1)), "radius": mm(3)}, "speed": f"{d.pick(6, 8, 10)} mm/s"},
+            "path": {
+                "spiral": {"pitch": mm(d.pick(0.5, 1)), "radius": mm(3)},
+                "speed": f"{d.pick(6, 8, 10)} mm/s",
+            },
             "until": "max(position.z) - position.z > 0.7 mm or abs(force.x) > 6 N",
             "within": {"time": "10 s"},
         }
     else:
-        d.stages["lower"] = {"axes": {"z": {"move": mm(-gap - d.pick(1, 3)), "speed": f"{d.pick(10, 20)} mm/s"}}}
+        d.stages["lower"] = {
+            "axes": {"z": {"move": mm(-gap - d.pick(1, 3)), "speed": f"{d.pick(10, 20)} mm/s"}}
+        }
     d.stages["insert"] = {
         "axes": soft if d.chance(0.8) else {"z": {"force": newton(-value)}},
         "until": f"position.z < {z - depth + 5:g} mm",
@@ -711,21 +920,39 @@ def compliant(d: LanguageDraft) -> None:
     """Gives way: to a hand, to an obstacle, on soft axes."""
     kind = d.pick("hand", "soft", "obstacle")
     x, y, z = d.grid(430, 500, 10), d.grid(-60, 60, 20), d.grid(300, 400, 10)
-    d.use_law(*(FORCE_LOOPS if kind == "hand" else [law for law in LAWS[:9] if law not in MULTIPLIERS]))
+    d.use_law(
+        *(FORCE_LOOPS if kind == "hand" else [law for law in LAWS[:9] if law not in MULTIPLIERS])
+    )
     arm(d, "ball", "flat", "")
     d["robot"]["start"] = {"xyz": mm(x, y, z)}
     if kind == "hand":
         far, time = d.grid(40, 120, 10), d.pick(2, 3)
         d["world"]["palm"] = {
-            "shape": "box", "size": mm(60, 400, 200), "xyz": mm(x - 30 - d.pick(25, 35), y, z), "stiffness": f"{d.nice(0.5, 3):g} kN/m",
-            "damping": "10 N*s/m", "motion": {"x": f"{far:g} mm * smooth(clock/({time} s))"},
+            "shape": "box",
+            "size": mm(60, 400, 200),
+            "xyz": mm(x - 30 - d.pick(25, 35), y, z),
+            "stiffness": f"{d.nice(0.5, 3):g} kN/m",
+            "damping": "10 N*s/m",
+            "motion": {"x": f"{far:g} mm * smooth(clock/({time} s))"},
         }
-        d.stages["led"] = {"axes": {"x": {"force": 0}, "y": {"force": 0}, "z": "hold"}, "time": f"{time} s"}
-        expect(d, d.pick(f"max(norm(force)) < {d.pick(15, 20, 30)} N", f"last(led.travel) > {far / 4:.0f} mm"))
+        d.stages["led"] = {
+            "axes": {"x": {"force": 0}, "y": {"force": 0}, "z": "hold"},
+            "time": f"{time} s",
+        }
+        expect(
+            d,
+            d.pick(
+                f"max(norm(force)) < {d.pick(15, 20, 30)} N", f"last(led.travel) > {far / 4:.0f} mm"
+            ),
+        )
         return
     axis = d.pick("x", "y")
-    d["world"]["block"] = {"shape": "box", "size": mm(60, 60, 200), "stiffness": f"{d.nice(5, 60):g} kN/m",
-                           "xyz": mm(x + 30 + 60 * (axis == "x"), y + 90 * (axis == "y"), z)} | ({"friction": 0.2} if d.chance(0.5) else {})
+    d["world"]["block"] = {
+        "shape": "box",
+        "size": mm(60, 60, 200),
+        "stiffness": f"{d.nice(5, 60):g} kN/m",
+        "xyz": mm(x + 30 + 60 * (axis == "x"), y + 90 * (axis == "y"), z),
+    } | ({"friction": 0.2} if d.chance(0.5) else {})
     soft: Section = {"stiffness": f"{d.nice(200, 2000):g} N/m"}
     if d.law != "pd-joint":
         soft["damping"] = f"{d.nice(40, 150):g} N*s/m"
@@ -733,7 +960,10 @@ def compliant(d: LanguageDraft) -> None:
     goal = soft | {"move": mm(d.grid(30, 90, 10)), "speed": f"{v:g} mm/s"}
     d.stages["go"] = {"axes": {axis: goal}}
     if kind == "soft":
-        d.stages["go"]["axes"] |= {("y" if axis == "x" else "x"): dict(soft), "rz": d.pick("hold", "free")}
+        d.stages["go"]["axes"] |= {
+            ("y" if axis == "x" else "x"): dict(soft),
+            "rz": d.pick("hold", "free"),
+        }
         d.stages["rest"] = {"axes": {axis: dict(soft)}, "time": "1 s"}
     expect(d, f"max(norm(force)) < {d.pick(60, 100, 150)} N")
     if d.chance(0.5):
@@ -752,13 +982,16 @@ def probing(d: LanguageDraft) -> None:
     approach(d, s.name, gap, "touch")
     kind = d.pick("visits", "attempts", "limit", "repeat")
     if kind == "visits":
-        d.stages["lift"] = back | {"next": [{"when": f"touch.visits < {count}", "to": "touch"}, {"to": "end"}]}
+        d.stages["lift"] = back | {
+            "next": [{"when": f"touch.visits < {count}", "to": "touch"}, {"to": "end"}]
+        }
         expect(d, f"touch.visits >= {count}")
     elif kind == "attempts":
+        settled = f"abs(force.z + {value:g} N) < {d.pick(1, 2)} N"
         d.stages["touch"] |= {"attempts": count, "on_fail": "lift"}
         d.stages["settle"] = {
             "axes": {"z": {"force": newton(-value)}},
-            "until": f"(abs(force.z + {value:g} N) < {d.pick(1, 2)} N and speed < 5 mm/s) for {d.pick(50, 100)} ms",
+            "until": f"({settled} and speed < 5 mm/s) for {d.pick(50, 100)} ms",
             "fail_if": "not touching for 100 ms",
             "within": {"time": f"{d.pick(2, 3)} s", "travel": mm(8)},
             "on_fail": "lift",
@@ -769,12 +1002,19 @@ def probing(d: LanguageDraft) -> None:
     elif kind == "limit":
         d["limits"]["force"] = {"max": newton(d.pick(30, 40, 60)), "then": "lift"}
         d.stages["touch"]["attempts"] = count
-        d.stages["press"] = {"axes": {"z": {"force": newton(-value)}}, "time": "1.5 s", "next": "end"}
+        d.stages["press"] = {
+            "axes": {"z": {"force": newton(-value)}},
+            "time": "1.5 s",
+            "next": "end",
+        }
         d.stages["lift"] = back | {"next": "touch"}
         expect(d, "press.visits >= 1")
     else:
         d.stages["lift"] = back
-        d.stages["shake"] = {"axes": {"x": {"move": mm(d.pick(4, 6)), "speed": "40 mm/s"}}, "repeat": count}
+        d.stages["shake"] = {
+            "axes": {"x": {"move": mm(d.pick(4, 6)), "speed": "40 mm/s"}},
+            "repeat": count,
+        }
         expect(d, f"shake.visits >= {count}")
 
 
@@ -792,20 +1032,54 @@ def contour(d: LanguageDraft) -> None:
     if kind == "estimate":
         d.stages["feel"] = {"axes": {"z": {"force": newton(-value)}}, "time": f"{d.pick(0.5, 1)} s"}
         d["frames"]["felt"] = {"estimate": "feel"}
-        d.stages["work"] = {"frame": "felt", "axes": {"z": {"force": newton(-value)}, "x": {"move": mm(d.grid(20, 50, 10)), "speed": "40 mm/s"}}}
+        d.stages["work"] = {
+            "frame": "felt",
+            "axes": {
+                "z": {"force": newton(-value)},
+                "x": {"move": mm(d.grid(20, 50, 10)), "speed": "40 mm/s"},
+            },
+        }
         expect(d, f"mean(work.force.z) within {-value:g} N +- 25 %")
         if d.chance(0.4):
-            expect(d, f"max(abs(work.force.x in {s.name})) < 10 N" if s.own else "max(norm(force)) < 60 N")
+            expect(
+                d,
+                f"max(abs(work.force.x in {s.name})) < 10 N"
+                if s.own
+                else "max(norm(force)) < 60 N",
+            )
     elif kind == "force":
-        d["frames"]["skin"] = {"track": "force", "filter": f"{d.pick(2, 3, 5)} Hz", "floor": newton(d.pick(1, 2))}
+        d["frames"]["skin"] = {
+            "track": "force",
+            "filter": f"{d.pick(2, 3, 5)} Hz",
+            "floor": newton(d.pick(1, 2)),
+        }
         d.stages["press"] = {"axes": {"z": {"force": newton(-value)}}, "time": "0.5 s"}
-        d.stages["trace"] = {"frame": "skin", "axes": {"z": {"force": newton(-value)}, "x": {"velocity": f"{d.grid(10, 30, 5):g} mm/s * smooth(t/(0.5 s))"}},
-                             "until": f"travel > {d.pick(20, 30, 40)} mm", "within": {"time": "6 s"}}
+        d.stages["trace"] = {
+            "frame": "skin",
+            "axes": {
+                "z": {"force": newton(-value)},
+                "x": {"velocity": f"{d.grid(10, 30, 5):g} mm/s * smooth(t/(0.5 s))"},
+            },
+            "until": f"travel > {d.pick(20, 30, 40)} mm",
+            "within": {"time": "6 s"},
+        }
         expect(d, f"trace.force.z within {-value:g} N +- 3 N for 80 %")
     else:
-        d["frames"]["rim"] = {"track": "velocity", "filter": f"{d.pick(4, 6)} Hz", "floor": f"{d.pick(4, 8)} mm/s", "turn": "90 deg/s"}
+        d["frames"]["rim"] = {
+            "track": "velocity",
+            "filter": f"{d.pick(4, 6)} Hz",
+            "floor": f"{d.pick(4, 8)} mm/s",
+            "turn": "90 deg/s",
+        }
         d.stages["press"] = {"axes": {"z": {"force": newton(-value)}}, "time": "0.5 s"}
-        d.stages["trace"] = {"frame": "rim", "axes": {"z": {"force": newton(-value)}, "x": {"velocity": f"{d.grid(20, 40, 5):g} mm/s * smooth(t/(0.3 s))"}}, "time": f"{d.pick(1, 2)} s"}
+        d.stages["trace"] = {
+            "frame": "rim",
+            "axes": {
+                "z": {"force": newton(-value)},
+                "x": {"velocity": f"{d.grid(20, 40, 5):g} mm/s * smooth(t/(0.3 s))"},
+            },
+            "time": f"{d.pick(1, 2)} s",
+        }
         expect(d, "max(norm(trace.force)) < 50 N")
     if d.chance(0.7):
         d.stages["off"] = {"frame": "world", "axes": {"z": {"move": mm(30)}}}
@@ -817,7 +1091,13 @@ def loose(d: LanguageDraft) -> None:
     size = [d.grid(40, 80, 10), d.grid(40, 80, 10), d.grid(40, 80, 10)]
     d["world"]["table"] = {"shape": "plane", "xyz": mm(0, 0, z)} | material(d)
     d["world"]["table"]["friction"] = d.pick(0.2, 0.3, 0.4)
-    part: Section = {"shape": "box", "size": mm(*size), "mass": f"{d.grid(200, 1200, 100):g} g", "free": True, "stiffness": f"{d.nice(10, 60):g} kN/m"}
+    part: Section = {
+        "shape": "box",
+        "size": mm(*size),
+        "mass": f"{d.grid(200, 1200, 100):g} g",
+        "free": True,
+        "stiffness": f"{d.nice(10, 60):g} kN/m",
+    }
     d["world"]["part"] = part
     if d.chance(0.5):
         d.use_law("hybrid", "impedance", "parallel", "impedance-natural", "pd")
@@ -826,7 +1106,13 @@ def loose(d: LanguageDraft) -> None:
         part["xyz"] = mm(x, y, z + size[2] / 2 + gap)
         d["robot"]["grasp"] = "part"
         v = d.grid(10, 30, 5)
-        d.stages["down"] = {"axes": {"z": {"velocity": f"-{v:g} mm/s"}}, "until": f"t > 300 ms and gap < {d.pick(0, 0)}" if d.chance(0.1) else f"t > {gap / v + 1:.1f} s", "within": {"time": f"{math.ceil(gap / v + 3)} s"}}
+        d.stages["down"] = {
+            "axes": {"z": {"velocity": f"-{v:g} mm/s"}},
+            "until": f"t > 300 ms and gap < {d.pick(0, 0)}"
+            if d.chance(0.1)
+            else f"t > {gap / v + 1:.1f} s",
+            "within": {"time": f"{math.ceil(gap / v + 3)} s"},
+        }
         if d.chance(0.6):
             d.stages["up"] = {"axes": {"z": {"move": mm(30)}}}
         expect(d, d.pick("max(norm(force)) < 120 N", "max(abs(torque.rx)) < 5 N*m"))
@@ -839,7 +1125,9 @@ def loose(d: LanguageDraft) -> None:
     gap = d.grid(5, 20, 5)
     d["robot"]["start"] = {"xyz": mm(x - size[0] / 2 - tip - gap, y, z + size[2] / 2)}
     way = d.grid(20, 60, 10)
-    d.stages["push"] = {"axes": {"x": {"move": mm(gap + way), "speed": f"{d.grid(20, 60, 10):g} mm/s"}}}
+    d.stages["push"] = {
+        "axes": {"x": {"move": mm(gap + way), "speed": f"{d.grid(20, 60, 10):g} mm/s"}}
+    }
     expect(d, d.pick("max(part.force) < 60 N", "max(norm(force)) < 80 N"))
 
 
@@ -879,19 +1167,30 @@ def corner(d: LanguageDraft) -> None:
     d["world"]["floor"] = {"shape": "plane", "xyz": mm(0, 0, z)} | material(d)
     tip = float(d["robot"].get("tool", {}).get("radius", "10 mm").split()[0])
     gap, side = d.grid(10, 25, 5), d.grid(10, 25, 5)
-    d["world"]["wall"] = {"shape": "plane", "xyz": mm(x + tip + side, 0, 0), "rpy": [0, "-90 deg", 0]} | material(d)
+    d["world"]["wall"] = {
+        "shape": "plane",
+        "xyz": mm(x + tip + side, 0, 0),
+        "rpy": [0, "-90 deg", 0],
+    } | material(d)
     d["robot"]["start"] = {"xyz": mm(x, y, z + gap)}
     down, push = d.grid(5, 15, 1), d.grid(4, 12, 1)
     bound(d, down + push)
     approach(d, "floor", gap)
     d.stages["find"] = {
         "axes": {"x": {"velocity": f"{d.grid(10, 25, 5):g} mm/s"}, "z": {"force": newton(-down)}},
-        "until": f"force.x > {d.pick(3, 4)} N for 20 ms" if d.chance(0.3) else "wall.gap < 0 for 10 ms",
+        "until": f"force.x > {d.pick(3, 4)} N for 20 ms"
+        if d.chance(0.3)
+        else "wall.gap < 0 for 10 ms",
         "within": {"time": "6 s"},
     }
-    d.stages["seat"] = {"axes": {"x": {"force": newton(push)}, "z": {"force": newton(-down)}}, "time": f"{d.pick(1, 2)} s"}
+    d.stages["seat"] = {
+        "axes": {"x": {"force": newton(push)}, "z": {"force": newton(-down)}},
+        "time": f"{d.pick(1, 2)} s",
+    }
     if d.chance(0.5):
-        d.stages["seat"]["axes"]["y"] = {"velocity": f"{d.grid(5, 20, 5):g} mm/s * smooth(t/(0.5 s))"}
+        d.stages["seat"]["axes"]["y"] = {
+            "velocity": f"{d.grid(5, 20, 5):g} mm/s * smooth(t/(0.5 s))"
+        }
     expect(d, f"mean(seat.force.x) within {push:g} N +- 30 %")
     if d.chance(0.5):
         expect(d, f"mean(seat.wall.force) < {3 * push:g} N")

@@ -1,8 +1,8 @@
 """The second generator of `make truth`: task files as different users would write them.
 
-It is written from docs/language.md and the pages that it links, and reads nothing of the rules, so that no
-constant of theirs is fitted to it. A file is a scene, the habits of who wrote it and, in a third of
-them, one typical mistake. The same seed and number give the same file.
+It is written from docs/language.md and the pages that it links, and reads nothing of the rules, so
+that no constant of theirs is fitted to it. A file is a scene, the habits of who wrote it and, in a
+third of them, one typical mistake. The same seed and number give the same file.
 
     python campaigns/language_tasks.py SEED NUMBER
 """
@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from language_draft import LAWS, MULTIPLIERS, LanguageDraft, Section, Value, deg, mm, newton, scaled
+from language_draft import MULTIPLIERS, LanguageDraft, Section, Value, deg, mm, newton, scaled
 from language_scenes import OUTLINE, SCENES
 
 #: How many files have a mistake.
@@ -83,9 +83,16 @@ def _gains(d: LanguageDraft) -> None:
         elif d.law == "hybrid-reaction":
             some["force"]["proportional"] = {"z": d.pick(0.3, 0.5)}
     elif d.law in ("impedance", "parallel"):
-        some = {"stiffness": linear, "damping": {"linear": c}, "mass": {"linear": f"{d.grid(2, 6, 1):g} kg"}}
+        some = {
+            "stiffness": linear,
+            "damping": {"linear": c},
+            "mass": {"linear": f"{d.grid(2, 6, 1):g} kg"},
+        }
         if d.law == "parallel":
-            some["force"] = {"integral": {"z": f"{d.grid(2, 8, 1):g} /s"}, "proportional": d.pick(0.5, 1)}
+            some["force"] = {
+                "integral": {"z": f"{d.grid(2, 8, 1):g} /s"},
+                "proportional": d.pick(0.5, 1),
+            }
     elif d.law == "pd-joint":
         some = {"stiffness": k, "damping": f"{d.pick(3, 5, 8)} N*m*s/rad"}
     elif d.law == "stiffness":
@@ -133,7 +140,9 @@ def _sensor(d: LanguageDraft) -> None:
     """A sensor as its sheet has it."""
     made: Section = {}
     if d.chance(0.7):
-        made["noise"] = d.pick(newton(d.pick(0.05, 0.1, 0.2)), {"force": "0.1 N", "torque": "0.005 N*m"})
+        made["noise"] = d.pick(
+            newton(d.pick(0.05, 0.1, 0.2)), {"force": "0.1 N", "torque": "0.005 N*m"}
+        )
     if d.chance(0.5):
         made["filter"] = f"{d.pick(50, 80, 100, 200)} Hz"
     if d.chance(0.4):
@@ -176,7 +185,9 @@ def _vary(d: LanguageDraft) -> None:
         if "shape" in each and each.get("stiffness", "") not in ("", "rigid"):
             entries[f"world.{name}.stiffness"] = d.pick("+- 20 %", "normal(10 %)", "5..50 kN/m")
         if "shape" in each and "on" not in each and d.chance(0.5):
-            entries[f"world.{name}.xyz"] = d.pick([0, 0, "+- 2 mm"], ["+- 1 mm", "+- 1 mm", "normal(0.5 mm)"])
+            entries[f"world.{name}.xyz"] = d.pick(
+                [0, 0, "+- 2 mm"], ["+- 1 mm", "+- 1 mm", "normal(0.5 mm)"]
+            )
         if "friction" in each and d.chance(0.4):
             entries[f"world.{name}.friction"] = "0..0.4" if "shape" in each else "+- 20 %"
         if "inertia" in each:
@@ -241,7 +252,10 @@ def _template(d: LanguageDraft) -> None:
 def _base(d: LanguageDraft) -> None:
     """An arm that does not stand at the world's origin."""
     if not d.model.startswith("planar"):
-        d["robot"]["base"] = {"xyz": mm(d.grid(-60, 60, 20), d.grid(-60, 60, 20), 0), "rpy": [0, 0, deg(d.pick(10, -10, 20))]}
+        d["robot"]["base"] = {
+            "xyz": mm(d.grid(-60, 60, 20), d.grid(-60, 60, 20), 0),
+            "rpy": [0, 0, deg(d.pick(10, -10, 20))],
+        }
 
 
 def _names(d: LanguageDraft) -> None:
@@ -259,12 +273,16 @@ def _stage_law(d: LanguageDraft) -> None:
     """A law of its own for a stage, mostly a stiffer one to go away with."""
     stage = list(d.stages)[-1]
     others = [law for law in ("hybrid", "impedance", "parallel") if law != d.law]
-    if d.law not in MULTIPLIERS and d.law != "stiffness" and "joints" not in d.stages[stage].get("path", {}):
+    if (
+        d.law not in MULTIPLIERS
+        and d.law != "stiffness"
+        and "joints" not in d.stages[stage].get("path", {})
+    ):
         d.stages[stage]["law"] = d.pick(*others)
 
 
 def _stage_limits(d: LanguageDraft) -> None:
-    stage = list(d.stages)[0]
+    stage = next(iter(d.stages))
     d.stages[stage]["limits"] = {"speed": f"{d.pick(150, 200, 250)} mm/s"}
 
 
@@ -342,7 +360,10 @@ def _wrong_unit(d: LanguageDraft) -> bool:
     swaps = (("mm", "cm"), ("kN/m", "N/m"), ("deg", "rad"))
     found = [
         (m, k, a, b)
-        for m, k in (*d.places("move", "velocity", "speed", "position"), *d.places("stiffness", of=d["world"]))
+        for m, k in (
+            *d.places("move", "velocity", "speed", "position"),
+            *d.places("stiffness", of=d["world"]),
+        )
         for a, b in swaps
         if isinstance(m[k], str) and f" {a}" in m[k]
     ]
@@ -360,7 +381,9 @@ def _guard_that_never_holds(d: LanguageDraft) -> bool:
     mapping, key = place
     text = str(mapping[key])
     if " < -" in text and d.chance(0.5):
-        mapping[key] = text.replace(" < -", " > ", 1) if d.chance(0.3) else text.replace(" < -", " < -10", 1)
+        mapping[key] = (
+            text.replace(" < -", " > ", 1) if d.chance(0.3) else text.replace(" < -", " < -10", 1)
+        )
     else:
         head, mark, tail = text.partition(" > ") if " > " in text else text.partition(" < ")
         mapping[key] = head + mark + scaled(tail, 20)
@@ -375,7 +398,11 @@ def _out_of_reach(d: LanguageDraft) -> bool:
 def _limit_too_low(d: LanguageDraft) -> bool:
     limits = d["limits"]
     kind = d.pick("force", "speed", "deviation")
-    limits[kind] = {"force": newton(d.pick(2, 5, 8)), "speed": f"{d.pick(10, 20, 40)} mm/s", "deviation": mm(d.pick(0.2, 0.5, 1))}[kind]
+    limits[kind] = {
+        "force": newton(d.pick(2, 5, 8)),
+        "speed": f"{d.pick(10, 20, 40)} mm/s",
+        "deviation": mm(d.pick(0.2, 0.5, 1)),
+    }[kind]
     return True
 
 
@@ -391,14 +418,22 @@ def _noisy_sensor(d: LanguageDraft) -> bool:
 
 def _gain_too_high(d: LanguageDraft) -> bool:
     keys: dict[str, Section] = {
-        "hybrid": d.pick({"force": {"integral": f"{d.pick(60, 120)} /s"}}, {"bandwidth": f"{d.pick(30, 60)} Hz"}, {"force": {"damping": "20 N*s/m"}}),
+        "hybrid": d.pick(
+            {"force": {"integral": f"{d.pick(60, 120)} /s"}},
+            {"bandwidth": f"{d.pick(30, 60)} Hz"},
+            {"force": {"damping": "20 N*s/m"}},
+        ),
         "parallel": {"force": {"integral": f"{d.pick(40, 100)} /s"}},
         "impedance": d.pick({"mass": {"linear": "0.2 kg"}}, {"damping": {"linear": "5 N*s/m"}}),
         "pd-joint": {"stiffness": "40 kN/m"},
         "stiffness": {"stiffness": "60 kN/m"},
         "parallel-pid": {"force": {"integral": f"{d.pick(40, 100)} /s"}},
     }
-    some = keys.get(d.law) or keys["hybrid"] if d.law.startswith("hybrid") else keys.get(d.law, {"stiffness": {"linear": "60 kN/m"}})
+    some = (
+        keys.get(d.law) or keys["hybrid"]
+        if d.law.startswith("hybrid")
+        else keys.get(d.law, {"stiffness": {"linear": "60 kN/m"}})
+    )
     if d.law == "hybrid-reaction":
         some = {"force": {"proportional": d.pick(3, 8)}}
     _in_law(d, **some)
@@ -407,7 +442,11 @@ def _gain_too_high(d: LanguageDraft) -> bool:
 
 def _another_world(d: LanguageDraft) -> bool:
     """Things are elsewhere, or of another kind, than the file says."""
-    shapes = [name for name, each in d["world"].items() if "shape" in each and "on" not in each and not each.get("free")]
+    shapes = [
+        name
+        for name, each in d["world"].items()
+        if "shape" in each and "on" not in each and not each.get("free")
+    ]
     if not shapes:
         return False
     name = d.one_of(shapes)
@@ -426,8 +465,13 @@ def _another_world(d: LanguageDraft) -> bool:
 def _too_picky(d: LanguageDraft) -> bool:
     stage = d.one_of(list(d.stages))
     text = str(
-        d.pick(f"max(norm(force)) < {d.pick(1, 3, 5)} N", f"{stage}.speed < {d.pick(5, 10)} mm/s for 95 %",
-               f"{stage}.t < {d.pick(0.1, 0.3)} s", f"max(norm({stage}.error)) < 0.005 mm", f"last({stage}.force.z) within -30 N +- 0.1 N")
+        d.pick(
+            f"max(norm(force)) < {d.pick(1, 3, 5)} N",
+            f"{stage}.speed < {d.pick(5, 10)} mm/s for 95 %",
+            f"{stage}.t < {d.pick(0.1, 0.3)} s",
+            f"max(norm({stage}.error)) < 0.005 mm",
+            f"last({stage}.force.z) within -30 N +- 0.1 N",
+        )
     )
     found = d["expect"]
     if isinstance(found, dict):
@@ -446,10 +490,18 @@ def _broken(d: LanguageDraft) -> bool:
     """What breaks for good while the run goes on."""
     at = f"{d.pick(0.3, 0.8)} s"
     d["truth"]["faults"] = [
-        d.pick({"sensor": "drops", "at": at}, {"sensor": "lost", "at": at}, {"torque": "gain 0.4", "joint": 2, "at": at},
-               {"encoder": "sticks", "joint": 2, "at": at}, {"torque": "lost", "joint": 2, "at": at},
-               {"sensor": "swaps", "axis": ["x", "z"], "at": at}, {"sensor": "flips", "at": at}, {"encoder": "drifts 2 deg/s", "joint": 1, "at": at},
-               {"sensor": "gain 0.3", "at": at}, {"torque": "late 20 ms", "at": at}),
+        d.pick(
+            {"sensor": "drops", "at": at},
+            {"sensor": "lost", "at": at},
+            {"torque": "gain 0.4", "joint": 2, "at": at},
+            {"encoder": "sticks", "joint": 2, "at": at},
+            {"torque": "lost", "joint": 2, "at": at},
+            {"sensor": "swaps", "axis": ["x", "z"], "at": at},
+            {"sensor": "flips", "at": at},
+            {"encoder": "drifts 2 deg/s", "joint": 1, "at": at},
+            {"sensor": "gain 0.3", "at": at},
+            {"torque": "late 20 ms", "at": at},
+        ),
     ]
     return True
 
