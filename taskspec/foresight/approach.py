@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
-from taskspec.foresight.conditions import bounds_of, names, value_of
 from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import TRANSLATIONS, Axis
 from taskspec.laws.gains import on_axis
 from taskspec.motion.blend import BLEND_TIME, from_rest, ramp_shape
 from taskspec.program.axes import MOSTLY
+from taskspec.program.conditions import bounds_of, names, value_of
 from taskspec.program.interval import Interval, IntervalAlgebra, point
 from taskspec.program.plan import StagePlan
 from taskspec.program.walk.nominal import AT_SURFACE

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
 from taskspec.deferred_methods import dataclass
-from taskspec.foresight.resistance import gradients
 from taskspec.prediction.at_start import StageAtStart
 from taskspec.prediction.reach import bearing, moment_arms
 from taskspec.prediction.types import StagePrediction, State
 from taskspec.program.walk.nominal import AT_SURFACE
+from taskspec.statics.resistance import gradients
 
 Vector = NDArray[np.float64]
 

@@ -762,7 +762,6 @@ class TaskPlan:
         loops: the sampled loops of stages that were analysed, by name.
         courses: of their forces, once they were asked for.
         compiled: their functions, once they were asked for, by name.
-        reported: codes of what is found about how its run ends, before its stability is examined.
     """
 
     def __init__(
@@ -787,7 +786,6 @@ class TaskPlan:
         self.loops: dict[str, Any] = {}
         self.courses: tuple[Any, ...] = ()
         self.compiled: dict[str, Any] = {}
-        self.reported: frozenset[str] = frozenset()
 
     def unvaried(self) -> TaskPlan:
         """The plan of the same task with nothing that varies."""

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from taskspec.examination import examine
-from taskspec.foresight.collisions import TOOL_END, Surroundings, _along
-from taskspec.foresight.kept_out import KeptOut
+from taskspec_runner.trial.collisions import TOOL_END, Surroundings, _along
+from taskspec_runner.trial.kept_out import KeptOut
 from taskspec.program.bound import RowFunction
 from taskspec.robot.links import links_of
 from taskspec.robot.pinocchio_model import Bodies, pinocchio_model

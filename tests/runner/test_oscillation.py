@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from taskspec.analysis import oscillation as oscillations
-from taskspec.analysis.oscillation import LEAST_TICKS, References, oscillation
+from taskspec_runner.verdict.oscillation import LEAST_TICKS, References, oscillation
 from taskspec.compiler import admit, compile_unchecked
 from taskspec.examination import examine
 from taskspec.spec import load_text

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.program.sensor import SensorModel
 from taskspec.program.world.stiffness import mass_along
 from taskspec.robot.inverse_kinematics import turns_at
@@ -23,7 +24,7 @@ from taskspec.rules.places import motion_of
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, key_of
 from taskspec.spec.robot import Robot
-from taskspec.text.units import LENGTH, VELOCITY, inside, show
+from taskspec.text.units import FORCE, LENGTH, VELOCITY, inside, show
 from taskspec_runner.trial.moment import Moment
 
 Vector = NDArray[np.float64]
@@ -34,6 +35,8 @@ EXPLAINS = 0.5
 BLOWS = 4.0
 #: Standard deviations within which readings of a run stay, but for some.
 DEVIATIONS = 3.0
+#: A mechanism is at its stop from this share of its range on.
+AT_STOP = 0.02
 #: A tool that nothing touches follows a force loop, not its reference, if it is so much faster.
 RUNS_AWAY = 1.5
 
@@ -177,6 +180,53 @@ def blow(moment: Moment) -> Cause | None:
     )
 
 
+def mechanism(moment: Moment) -> Cause | None:
+    """The held mechanism: at its stop, taken along with a force, or held against."""
+    held = moment.stage.context.held
+    if not held:
+        return None
+    model, name = moment.nominal.mechanisms[held], moment.stage.name
+    angular = moment.stage.context.mechanisms[held].angular
+    unit = LENGTH.on(rotation=angular)
+    place = moment.value(f"{held}.{'angle' if angular else 'travel'}")
+    if model.stop is not None and math.isfinite(place):
+        near = AT_STOP * (model.stop[1] - model.stop[0])
+        for stop in model.stop:
+            if abs(place - stop) <= near:
+                return Cause(
+                    f"{held!r} is at its stop, {show(stop, unit, 3)}, and the motion goes on",
+                    "shorten the motion, or move until a force says that it is there",
+                    motion_of(moment.stage),
+                )
+    axis, force, rate = _axis_of_force(moment)
+    if axis is None:
+        return None
+    along = abs(rate) * abs(force) >= EXPLAINS * float(
+        np.linalg.norm(moment.force()) * moment.value("speed")
+    )
+    if along and rate:
+        return Cause(
+            f"{axis!r} takes {held!r} along with {show(abs(force), axis.of(FORCE), 3)}",
+            f"move more slowly, or let {axis!r} give way: {axis}: {{{axis.effort}: 0}}",
+            FILE.stages[name].axes[axis] if axis in moment.stage.spec.axes else None,
+        )
+    return Cause(
+        f"{held!r} does not let {axis!r} move as it is to, and the grip bears "
+        f"{show(abs(force), axis.of(FORCE), 3)}",
+        f"let it give way: {axis}: {{{axis.effort}: 0}}",
+        FILE.stages[name].axes[axis] if axis in moment.stage.spec.axes else None,
+    )
+
+
+def _axis_of_force(moment: Moment) -> tuple[Axis | None, float, float]:
+    """The axis that bears most of the force, this force [N] and the rate along it [m/s]."""
+    force = np.nan_to_num(moment.force())
+    if not force.any():
+        return None, 0.0, 0.0
+    axis = moment.axes[int(np.argmax(np.abs(force)))]
+    return axis, moment.value(f"force.{axis}"), moment.value(f"velocity.{axis}")
+
+
 def motion_into_contact(moment: Moment) -> Cause | None:
     """An axis that is motion-controlled while what it presses on gives way to nothing."""
     force = np.abs(np.nan_to_num(moment.force()))
@@ -187,12 +237,12 @@ def motion_into_contact(moment: Moment) -> Cause | None:
     error = moment.value(f"error.{axis}")
     if plan is None or plan.force or plan.open_loop or not math.isfinite(error):
         return None
-    on = moment.pressed or moment.stage.context.held
+    on = repr(moment.pressed) if moment.pressed else "what it touches"
     place = FILE.stages[moment.stage.name].axes
     named = axis in moment.stage.spec.axes
     return Cause(
         f"{axis!r} is motion-controlled, and its reference is {show(abs(error), 'mm', 2)} beyond "
-        f"where {on!r} lets the tool go",
+        f"where {on} lets the tool go",
         f"give {axis!r} a force, or end the motion before",
         key_of(place[axis]) if named else None,
     )
@@ -256,12 +306,13 @@ def fast_joint(moment: Moment, joint: int) -> Cause | None:
     robot = moment.stage.context.robot
     v = abs(moment.value(f"joint.{joint + 1}.velocity"))
     speed = moment.value("speed")
+    turns = float(np.linalg.norm([np.nan_to_num(moment.value(f"velocity.{a}")) for a in ROTATIONS]))
     unit = VELOCITY.on(rotation=turns_at(robot, joint))
     if not math.isfinite(speed):
         return None
     return Cause(
-        f"the tip goes with {show(speed, 'mm/s', 3)} there, for which joint {joint + 1} has "
-        f"{show(v, unit, 3)}",
+        f"the tool goes with {show(speed, 'mm/s', 3)} and turns with {show(turns, 'deg/s', 3)} "
+        f"there, for which joint {joint + 1} has {show(v, unit, 3)}",
         "move more slowly, or start in another posture",
         motion_of(moment.stage),
     )

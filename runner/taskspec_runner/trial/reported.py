@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from taskspec.program import events
 from taskspec.program.plan import StagePlan
+from taskspec.program.signals import entry_of
 from taskspec.program.stages.protected import PROTECTION, about_force
 from taskspec.rules.finding import Finding, Place, warning
 from taskspec.rules.places import motion_of
 from taskspec.spec import FILE
 from taskspec.spec.stage import OSCILLATION
+from taskspec.stability.sampled_stage import loop_of
 from taskspec.text.codes import register
 from taskspec.text.expression.tree import Held, Name, Node, walk
 from taskspec.text.units import show
@@ -33,9 +35,11 @@ register(
         "TS426": "a tip that passes the limit on speed",
         "TS427": "a joint that is at its limit for much of a stage",
         "TS429": "a tool that passes the limit on its deviation",
+        "TS428": "an arm that runs into an object",
         "TS443": "a motion beyond the robot's protection",
         "TS444": "a force beyond the robot's protection",
-        "TS502": "a stage that oscillates",
+        "TS445": "a torque that changes faster than the robot's protection lets it",
+        "TS508": "a stage that oscillates",
         "TS611": "a guard that does not hold in time",
         "TS613": "a guard that holds as its stage begins",
         "TS614": "a guard that holds with nothing touched",
@@ -46,6 +50,12 @@ register(
         "TS726": "an expectation that is missed",
     }
 )
+
+
+def about(message: str) -> Finding:
+    """A trial that could not begin."""
+    return warning("TS621", f"the run cannot begin: {message}", FILE.robot, "")
+
 
 #: A guard that ends its stage within so many ticks more than it has to hold did so from the start.
 _FIRST_TICKS = 2
@@ -60,6 +70,8 @@ _LIMIT_CODES = {
     "representation_singularity": "TS422",
     "frame_left": "TS425",
 }
+#: A mode that is damped less than this is the one that shows in a noisy signal.
+_PASSES_NOISE_ON = 0.3
 #: What helps where no cause can be read off the trial.
 _REMEDIES = {
     "TS422": "keep the arm bent: shorten the motion, or start elsewhere",
@@ -69,6 +81,7 @@ _REMEDIES = {
     "TS429": "move more slowly, hold its axes more stiffly, or raise the limit",
     "TS443": "move more slowly",
     "TS444": "approach more slowly, or press with less",
+    "TS613": "turn the relation round, or let it begin beyond what is there already",
     "TS616": "approach more slowly, press with less, or raise the limit",
     "TS611": "change the number that it compares with, or give the stage more time",
     "TS617": "give it more time or travel, or move faster",
@@ -97,8 +110,7 @@ def reported(trials: Sequence[Trial]) -> Iterator[Finding]:
         for expectation, judged in zip(expectations, last.judged, strict=True):
             if judged.missed:
                 yield _missed(last, judged, expectation.expression.span)
-    if not trials[0].good and trials[0].outcome.status != OPEN:
-        yield from _early_guards(trials[0])
+    yield from _early_guards(trials[0])
 
 
 # --- how a trial ended ---------------------------------------------------------------------------
@@ -149,7 +161,9 @@ def _explained(moment: Moment, name: str, text: str) -> tuple[str, Place, Cause 
     if name == events.FAIL_IF:
         expression = stage.spec.fail_if
         assert expression is not None
-        return "TS618", own.fail_if, _of_guard(moment, expression.tree)
+        at_once = moment.value("t") <= _held(expression.tree) + _FIRST_TICKS * stage.context.period
+        cause = _of_guard(moment, expression.tree)
+        return "TS613" if at_once and cause is None else "TS618", own.fail_if, cause
     if name in ("time", "travel"):
         return _of_bound(moment, name)
     if name == events.ATTEMPTS:
@@ -157,7 +171,13 @@ def _explained(moment: Moment, name: str, text: str) -> tuple[str, Place, Cause 
     return "TS621", own, first_cause(moment, *_MOTION_CAUSES)
 
 
-_FORCE_CAUSES = (causes.sensor_error, causes.blow, causes.motion_into_contact)
+_FORCE_CAUSES = (
+    causes.sensor_error,
+    causes.blow,
+    causes.mechanism,
+    causes.runaway,
+    causes.motion_into_contact,
+)
 _MOTION_CAUSES = (causes.runaway, causes.reference_speed)
 
 
@@ -212,10 +232,10 @@ def _extremes(moment: Moment, guard: Node) -> Cause | None:
             continue
         values = moment.stretch(column)
         values = values[np.isfinite(values)]
-        unit = moment.trial.history.units.get(column, "")
-        if len(values):
-            low, high = float(values.min()), float(values.max())
-            ranges.append(f"{signal} was {low:.3g} to {high:.3g} {unit}".rstrip())
+        entry = entry_of(moment.nominal, signal.path)
+        if len(values) and entry is not None:
+            low, high = (show(float(x), entry.dimension, 3) for x in (values.min(), values.max()))
+            ranges.append(f"{signal} was {low} to {high}")
     if not ranges:
         return None
     text = f"`until` did not hold: {', '.join(ranges)}"
@@ -242,7 +262,11 @@ def _peak(further: Trial, stage: StagePlan, name: str) -> str:
 
 
 def _early_guards(trial: Trial) -> Iterator[Finding]:
-    """Guards before a bad end that held with nothing touched, or from their first tick on."""
+    """Guards about forces that held with nothing touched, or any from their first tick on.
+
+    The latter are reported where the trial ends badly: a stage may be passed through on purpose.
+    """
+    bad = not trial.good and trial.outcome.status != OPEN
     for visit, transition in zip(trial.history.visits(), trial.transitions, strict=False):
         stage = next(s.plan for s in trial.program.stages if s.name == visit.stage)
         guard = stage.spec.until
@@ -261,7 +285,8 @@ def _early_guards(trial: Trial) -> Iterator[Finding]:
                 )
                 continue
         lasted = (visit.last + 1 - visit.first) * stage.context.period
-        if lasted <= held + _FIRST_TICKS * stage.context.period:
+        at_once = lasted <= held + _FIRST_TICKS * stage.context.period
+        if at_once and (bad or (_feels(guard.tree) and not ended.touches)):
             yield warning(
                 "TS613",
                 f"in the trial, this holds from the first tick of stage {visit.stage!r} on, so the "
@@ -291,7 +316,7 @@ def _of_run(trial: Trial, finding: RunFinding) -> Finding:
     place = motion_of(stage) if stage.spec.axes or stage.spec.path else FILE.stages[stage.name]
     oscillates = finding.kind == OSCILLATION
     return warning(
-        "TS502" if oscillates else "TS427",
+        "TS508" if oscillates else "TS427",
         f"in the trial, {finding.text} (stage {finding.stage!r}, run time "
         f"{show(finding.start, 's', 3)} to {show(finding.end, 's', 3)})",
         place,
@@ -303,12 +328,8 @@ def _of_run(trial: Trial, finding: RunFinding) -> Finding:
 
 def _missed(trial: Trial, judged: Judged, place: Place | None) -> Finding:
     """An expectation that a trial misses."""
-    finders: list[Callable[[], Cause | None]] = [
-        lambda: _error_at_break(trial, judged),
-        lambda: _swinging(trial, judged),
-        lambda: _late(trial, judged),
-    ]
-    cause = next((found for find in finders if (found := find()) is not None), None)
+    finders = (_error_at_break, _swinging, _noisy, _late)
+    cause = next((found for find in finders if (found := find(trial, judged)) is not None), None)
     text = f"the trial misses this: {judged.explanation}"
     hint = "change what moves the stage, or expect what it comes to"
     notes: tuple[tuple[str, Place], ...] = ()
@@ -332,6 +353,33 @@ def _swinging(trial: Trial, judged: Judged) -> Cause | None:
         if finding.kind == OSCILLATION and finding.stage == judged.stage:
             return Cause(finding.text, "lower the gains of its loop, or lower the delay in it")
     return None
+
+
+def _noisy(trial: Trial, judged: Judged) -> Cause | None:
+    """A force that swings by more than its band, by noise that its loop passes on."""
+    noise = trial.world.task.robot.sensor.noise
+    if noise is None or judged.stage is None or judged.band is None or judged.signal is None:
+        return None
+    visit, (low, high) = _last_visit(trial, judged.stage), judged.band
+    if visit is None or low is None or high is None or not judged.signal.startswith("force"):
+        return None
+    values = Moment(trial, visit).stretch(judged.signal)
+    spread = float(np.std(values[len(values) // 2 :]))
+    if spread < (high - low) / 4:
+        return None
+    text = (
+        f"by the end of the stage {judged.signal} has a standard deviation of "
+        f"{show(spread, 'N', 2)}, of a sensor's noise of {show(noise.force, 'N', 2)}"
+    )
+    analysed = loop_of(trial.program.plan, judged.stage)
+    swinging = [] if analysed is None else [m for m in analysed.modes() if m.frequency > 0]
+    mode = min(swinging, key=lambda m: m.damping_ratio, default=None)
+    if mode is not None and mode.damping_ratio < _PASSES_NOISE_ON:
+        text += (
+            f": its loop has a mode of {mode.frequency:.3g} Hz with a damping ratio of "
+            f"{mode.damping_ratio:.2g}, which amplifies it"
+        )
+    return Cause(text, "lower the force gains, shorten the sensor's delay, or give it a filter")
 
 
 def _late(trial: Trial, judged: Judged) -> Cause | None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec.foresight.collisions import Surroundings
 from taskspec.program.program import Program
+from taskspec_runner.trial.collisions import Surroundings
 
 
 def collision_rows(program: Program) -> Iterator[tuple[str, str]]:

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.foresight.rows import Cause, RowSystem, kept, limit_place, shares_of
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Place
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian
 from taskspec.spec import FILE
+from taskspec.statics.rows import Cause, RowSystem, kept, limit_place, shares_of
 from taskspec.text import units
 from taskspec.text.units import show
 

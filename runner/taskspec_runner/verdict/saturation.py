@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.oscillation import judged
 from taskspec.program.limits.bounds import JOINT
 from taskspec.program.limits.resolution import Resolution
+from taskspec_runner.verdict.oscillation import judged
 
 Vector = NDArray[np.float64]
 

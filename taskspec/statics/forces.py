@@ -22,7 +22,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.foresight.rows import Cause, RowSystem, kept, limit_place, shares_of
 from taskspec.geometry.axis import AXES
 from taskspec.geometry.rotation import cross
 from taskspec.program.axes import MOSTLY
@@ -32,6 +31,7 @@ from taskspec.program.trajectory import Place
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian
 from taskspec.spec import FILE, Limits, key_of
+from taskspec.statics.rows import Cause, RowSystem, kept, limit_place, shares_of
 from taskspec.text.units import FORCE, show
 
 Vector = NDArray[np.float64]
