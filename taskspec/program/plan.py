@@ -77,12 +77,14 @@ class StagePlan:
         name: of the stage.
         spec: its entry in the file.
         nominal: its nominal trajectory; set by the plan of the task as that follows it.
+        unheeded: names of the limits that do not end it: what comes after them is of interest.
     """
 
     context: Context
     name: str
     spec: Stage
     nominal: Nominal
+    unheeded: frozenset[str] = frozenset()
 
     def __init__(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -64,6 +65,13 @@ class Program:
     def output_size(self) -> int:
         """Length of a machine's `outputs`."""
         return sum(length for _, length in fields(len(self.context.equations)))
+
+    def past(self, stage: str, limit: str) -> Program:
+        """The same program, one stage of which goes on beyond the limits of a name."""
+        plan = next(each.plan for each in self.stages if each.name == stage)
+        beyond = compile_stage(plan.but(unheeded=plan.unheeded | {limit}))
+        stages = tuple(beyond if each.name == stage else each for each in self.stages)
+        return replace(self, stages=stages)
 
     def machine(
         self,

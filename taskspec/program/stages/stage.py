@@ -151,9 +151,12 @@ def _limited(plan: StagePlan, measurement: Measurement, commanded: Commanded) ->
 def _conditions(plan: StagePlan, measurement: Measurement, commanded: Commanded) -> list[Condition]:
     """Everything that can end a stage, in the order in which it counts."""
     context = plan.context
-    return [
+    limits = [
         *limit_conditions(context.robot, plan, measurement, commanded.references),
         *commanded.conditions,
         *protection_conditions(plan, measurement),
+    ]
+    return [
+        *(each for each in limits if each.event.name not in plan.unheeded),
         *stage_conditions(plan, measurement, context.period),
     ]

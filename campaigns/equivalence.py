@@ -1,6 +1,6 @@
 """Holds the tree against an earlier commit: the same logs bit for bit, the same diagnostics.
 
-    python tests/campaigns/equivalence.py --base COMMIT
+    python campaigns/equivalence.py --base COMMIT
 
 Every shipped task and many random ones run on both sides, and every column of the two logs is
 compared. Every file of the corpus, every shipped and every random file is validated on both sides;
@@ -42,7 +42,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from random_tasks import COMPANIONS, write_tasks
 from workers import Worker, serve
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 #: What a run depends on beside the code.
 PACKAGES = ("casadi", "daqp", "mujoco", "numpy", "osqp", "pin", "pyarrow", "scipy")
 #: After which a file is given up as hanging [s].

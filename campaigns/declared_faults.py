@@ -1,7 +1,7 @@
 """Faults that `truth` declares, in every shipped task: how each ends, what its verdict is worth.
 
-    python tests/campaigns/declared_faults.py --jobs 2 --rows rows.jsonl --table docs/faults.md
-    python tests/campaigns/declared_faults.py --rows rows.jsonl --table docs/faults.md --again crank
+    python campaigns/declared_faults.py --jobs 2 --rows rows.jsonl --table docs/faults.md
+    python campaigns/declared_faults.py --rows rows.jsonl --table docs/faults.md --again crank
 
 Each fault begins halfway through the task. A run ends in one of four ways: success, a missed
 expectation, a branch that leads to `fail`, or a stop with a name. Beside the log stands what
@@ -46,7 +46,7 @@ from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.replay import Replay
 from taskspec_runner.verdict.summary import EXIT_GOOD, exit_code
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "faults.md"
 MARK = "<!-- table: declared faults -->"
 

@@ -1,4 +1,4 @@
-"""The tables of docs/insertion.md, measured anew: `python tests/campaigns/insertion.py`."""
+"""The tables of docs/insertion.md, measured anew: `python campaigns/insertion.py`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "insertion.md"
 sys.path.insert(0, str(ROOT / "tests"))
 

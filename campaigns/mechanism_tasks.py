@@ -3,7 +3,7 @@
 A task is its number, as in `random_tasks.py`. What is moved is what the mechanism leaves free; all
 else gives way. `make designs` holds their sampled loops to be stable:
 
-    python tests/campaigns/mechanism_tasks.py --tasks 400
+    python campaigns/mechanism_tasks.py --tasks 400
 
 Numbers from `PLANAR` on are of arms that move in a plane; a campaign has one of them for every
 three others. With `--page` the counts are kept, by mechanism, arm and rate, and by law.

@@ -1,6 +1,6 @@
 """Kills, locks, full disks and spoiled folders: how many of each a run's folder survives.
 
-    python tests/campaigns/faults.py --corruptions 10000 --table docs/faults.md
+    python campaigns/faults.py --corruptions 10000 --table docs/faults.md
 
 The exit code is 1 if something did not survive.
 """
@@ -34,7 +34,7 @@ from pathlib import Path
 os.environ.setdefault("MUJOCO_GL", "disable")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "runner"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "runner"))
 
 import numpy as np
 from corruptions import BYTES, PLACES, Answer, answer

@@ -1,6 +1,6 @@
 """Holds the loop in machine code against Python's: shipped and random tasks, every byte of the log.
 
-python tests/campaigns/native.py [--tasks 200]
+python campaigns/native.py [--tasks 200]
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from taskspec_runner.loop import fixed_step
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.record.log import Log
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 
 
 def ran(program: Program, path: Path, loop: str) -> tuple[str, int, str]:

@@ -3,7 +3,7 @@
 A task is its number: `random_task(7)` is the same text however many tasks are made. It depends on
 nothing but NumPy's generator, so that two versions of the compiler are given the same files.
 
-    python tests/campaigns/random_tasks.py --tasks 20 --out FOLDER
+    python campaigns/random_tasks.py --tasks 20 --out FOLDER
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Kills of a sweep, of one of its processes and of all of it: afterwards the table is the same.
 
-    python tests/campaigns/sweep_kills.py --moments 20 --table docs/faults.md
+    python campaigns/sweep_kills.py --moments 20 --table docs/faults.md
 
 A moment is a number of rows that the journal has, from none to all of them: the first one is before
 the first world has been run, the last one while the table and the page are made. A sweep whose

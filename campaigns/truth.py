@@ -1,6 +1,6 @@
 """Holds what `validate` says of random files against what their runs do.
 
-    python tests/campaigns/truth.py --seed 1 --files 200
+    python campaigns/truth.py --seed 1 --files 200
 
 Every file is validated and run; one that is refused is run in spite of it. Files are those of
 `truth_tasks.py`, rows are kept under `runs/truth`, one line a file, so that a campaign that was
@@ -35,7 +35,7 @@ from workers import Worker, serve
 
 from taskspec import __version__
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 HERE = Path(__file__).resolve().parent
 #: Folders of the packages whose sources are run.
 PACKAGES = ("taskspec", "runner/taskspec_runner")
@@ -47,7 +47,7 @@ ANNOUNCED, WARNED, RIGHT, SILENT = 0.95, 0.10, 0.98, 0.99
 Row = Mapping[str, Any]
 _KEPT = """\
 # How files of `make truth` end, and what is said of them, by seed and number. After a change on
-# purpose: python tests/campaigns/truth.py --seed 0 --files 60 --fresh --keep THIS_FILE
+# purpose: python campaigns/truth.py --seed 0 --files 60 --fresh --keep THIS_FILE
 """
 
 

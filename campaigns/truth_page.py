@@ -27,7 +27,7 @@ uniform in the logarithm; templates, included files, repeats, limits that lead t
 home by the joints. Each is what an engineer may write, a quarter of them with one slip: a gain
 that is too high, a motion that is too fast or too far, a limit that is too low, too little time,
 a guard on a force that does not come, a sensor that is late. A file is its seed and its number:
-`python tests/campaigns/truth_tasks.py SEED NUMBER` prints it.
+`python campaigns/truth_tasks.py SEED NUMBER` prints it.
 
 **The runs.** Each file is validated and run; one that is refused is run in spite of it, if it
 compiles. A run is good if it comes to its end, meets its expectations, and neither oscillates nor
@@ -39,7 +39,7 @@ the boundary, and 2 % beyond it are left out too. So is one whose errors all say
 is on the boundary of stability.
 
 **Announced** is a bad run if there was an error or warning whose code announces its end; which code
-announces which is in `tests/campaigns/announcements.yaml`.
+announces which is in `campaigns/announcements.yaml`.
 
 **Run ahead.** Where looks at single stages leave a doubt, `validate` runs the closed loop ahead
 itself, on a plain plant that knows nothing of the simulator's solver, with the sensor's noise of a
@@ -56,7 +56,7 @@ TRACED = (
 DISAGREEMENTS = (
     "Of a bad run that was not announced: why, where it was traced, else how it ended. Of a good",
     "run that was warned of: each warning, and what the run did of it, measured in its log by",
-    "`tests/campaigns/truth_measured.py`. *Seen* is what came to the size that was told, or to",
+    "`campaigns/truth_measured.py`. *Seen* is what came to the size that was told, or to",
     "90 % of the bound that it is near to: the warning is true, and the run ends well all the",
     "same. *Not seen in the run* is a false alarm about this run. *Of what the run does not show*",
     "is a warning about another world, or about what a run has no measure of.",
@@ -94,7 +94,7 @@ def page(seed: int, rows: Sequence[Judged], reasons: Mapping[int, str]) -> str:
     lines = [
         PREFACE,
         f"Seed {seed}, {len(rows)} files, {len(ran)} of them run; taskspec {made}",
-        "(`python tests/campaigns/truth.py --sources` says that of a tree);",
+        "(`python campaigns/truth.py --sources` says that of a tree);",
         f"{cpu:.2f} s of processor time to validate one.",
         "",
         *(TRACED if reasons else ()),

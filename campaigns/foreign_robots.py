@@ -1,6 +1,6 @@
 """Holds the model terms of robots that nobody here wrote against Pinocchio.
 
-    python tests/campaigns/foreign_robots.py --packages runs/foreign
+    python campaigns/foreign_robots.py --packages runs/foreign
 
 The packages of `foreign_robots.yaml` lie in that folder; `make foreign` puts them there. A robot
 that cannot be loaded is an error, unless its file has no masses.
@@ -16,13 +16,13 @@ from typing import Any
 
 import yaml
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from taskspec.robot import RobotError, RobotModel, load_robot
 from taskspec.robot.rigid_body import RigidBody
 from term_differences import TOLERANCE, differences
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 LIST = Path(__file__).with_suffix(".yaml")
 STATES = 50
 _BASE = SimpleNamespace(xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))

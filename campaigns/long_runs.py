@@ -1,6 +1,6 @@
 """What long runs need of memory: a run, its report and all that reads it, by minutes of it.
 
-    python tests/campaigns/long_runs.py --minutes 1 10 60 --table docs/faults.md
+    python campaigns/long_runs.py --minutes 1 10 60 --table docs/faults.md
 
 Each command is a process of its own. Its anonymous memory (RssAnon in /proc/PID/status) is looked
 at every 20 ms; pages of files, which the system takes back when it needs them, are no part of it.
@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 #: Presses with 10 N for as long as it takes, in a frame that is estimated from a touch.
 TASK = """\
 taskspec: 1

@@ -1,6 +1,6 @@
 """Writes, validates and runs a first task for each robot that nobody here wrote.
 
-    python tests/campaigns/first_tasks.py --packages runs/foreign --page docs/robots.md
+    python campaigns/first_tasks.py --packages runs/foreign --page docs/robots.md
 
 The robots are those of `foreign_robots.yaml`; `make foreign` puts their packages into that folder.
 A robot loads with at most the one line of help that stands there.

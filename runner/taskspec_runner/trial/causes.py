@@ -1,0 +1,294 @@
+"""What led to the end of a trial, as far as its ticks show it.
+
+Each function looks for one cause and says in numbers what it is and what changes it. The closed
+forms, such as the blow v sqrt(k m) of a mass on a contact, explain what was simulated; they find
+nothing by themselves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
+from taskspec.program.sensor import SensorModel
+from taskspec.program.world.stiffness import mass_along
+from taskspec.robot.inverse_kinematics import turns_at
+from taskspec.robot.rebuild import GRAVITY
+from taskspec.rules.finding import Place
+from taskspec.rules.places import motion_of
+from taskspec.signals.entries import TOUCHING
+from taskspec.spec import FILE, key_of
+from taskspec.spec.robot import Robot
+from taskspec.text.units import LENGTH, VELOCITY, inside, show
+from taskspec_runner.trial.moment import Moment
+
+Vector = NDArray[np.float64]
+
+#: A cause explains a difference of forces from this share of it on.
+EXPLAINS = 0.5
+#: A blow is over after so many half periods of the mass on its contact.
+BLOWS = 4.0
+#: Standard deviations within which readings of a run stay, but for some.
+DEVIATIONS = 3.0
+#: A tool that nothing touches follows a force loop, not its reference, if it is so much faster.
+RUNS_AWAY = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """Why something happened.
+
+    Attributes:
+        text: the cause, with its numbers.
+        hint: what changes it.
+        place: where the file has it; None where nowhere.
+    """
+
+    text: str
+    hint: str
+    place: Place | None = None
+
+
+def first_cause(moment: Moment, *finders: Callable[[Moment], Cause | None]) -> Cause | None:
+    """What the first of some functions finds that finds anything."""
+    return next((cause for find in finders if (cause := find(moment)) is not None), None)
+
+
+# --- what a sensor measures that is no contact ---------------------------------------------------
+
+
+def sensor_error(moment: Moment) -> Cause | None:
+    """What makes the measured force another than the true one: the largest part of it."""
+    error = float(np.linalg.norm(moment.error))
+    true, measured = moment.force(), moment.force(measured=True)
+    if error <= TOUCHING or error < 0.1 * float(np.linalg.norm(measured)):
+        return None
+    found = [*_parts_of_error(moment)]
+    if not found:
+        return None
+    size, cause = max(found, key=lambda each: each[0])
+    if size < EXPLAINS * error:
+        return None
+    i = int(np.argmax(np.abs(moment.error)))
+    axis = moment.axes[i]
+    reads = (
+        f"force.{axis} is measured as {show(float(measured[i]), 'N', 3)} where the tool applies "
+        f"{show(float(true[i]), 'N', 3)}"
+    )
+    return Cause(f"{reads}: {cause.text}", cause.hint, cause.place)
+
+
+def _parts_of_error(moment: Moment) -> Iterator[tuple[float, Cause]]:
+    """Sizes [N] and causes of what a sensor adds to a contact's force."""
+    true, nominal = moment.true.robot, moment.nominal.robot
+    tares = [*moment.tares_before()]
+    tare = "tare the sensor in a stage before it touches (tare: true)"
+    bias = float(np.linalg.norm(true.sensor.bias[:3]))
+    if bias and not tares:
+        declared = any(nominal.sensor.bias)
+        yield (
+            bias,
+            Cause(
+                f"the sensor has a {'declared ' if declared else ''}bias of {show(bias, 'N', 3)} "
+                "that no stage has tared",
+                tare,
+                FILE.robot.sensor.bias if declared else None,
+            ),
+        )
+    if true.sensor.at == "wrist":
+        mass = _carried(true)
+        yield (
+            mass * float(np.linalg.norm(moment.acceleration)),
+            Cause(
+                f"the tool's {show(mass, 'kg', 3)}, accelerated with "
+                f"{float(np.linalg.norm(moment.acceleration)):.3g} m/s^2, pull on the wrist sensor "
+                "as a contact does",
+                "accelerate more gently, or wait for more than the mass times the acceleration",
+                motion_of(moment.stage),
+            ),
+        )
+        heavier = mass - _carried(nominal)
+        if heavier and not tares:
+            yield (
+                abs(heavier) * float(np.linalg.norm(GRAVITY)),
+                Cause(
+                    f"the tool weighs {show(abs(heavier) * 9.81, 'N', 3)} "
+                    f"{'more' if heavier > 0 else 'less'} than its nominal mass, which the wrist "
+                    "sensor measures as a contact",
+                    f"give robot.tool its true mass, or {tare}",
+                    FILE.robot.tool,
+                ),
+            )
+    if true.sensor.noise is not None:
+        b = SensorModel.of(true.sensor, moment.stage.context.period).pole
+        spread = true.sensor.noise.force * math.sqrt((1 - b) / (1 + b))
+        yield (
+            DEVIATIONS * spread,
+            Cause(
+                f"the sensor's noise has a standard deviation of {show(spread, 'N', 2)}",
+                "wait for more, for a longer time with 'for', or give the sensor a filter",
+                key_of(FILE.robot.sensor.noise),
+            ),
+        )
+
+
+def _carried(robot: Robot) -> float:
+    """Mass of a robot's tool with its payload [kg]."""
+    return robot.tool.mass + (0.0 if robot.payload is None else robot.payload.mass)
+
+
+# --- forces --------------------------------------------------------------------------------------
+
+
+def blow(moment: Moment) -> Cause | None:
+    """A touch with a speed: a mass m that meets a contact k with v presses with v sqrt(k m)."""
+    row, contact = moment.first_touch, moment.pressed
+    if row is None or not contact or row == 0:
+        return None
+    context = moment.stage.context
+    compliance = context.compliances[contact]
+    q = _joints(moment, row)
+    mass = mass_along(context.robot, q, moment.stage.normal_of(contact))
+    lasts = BLOWS * math.pi * math.sqrt(mass / compliance.stiffness)
+    passed = moment.value("clock") - moment.value("clock", row)
+    first = max(0, row - 4)
+    gaps = [moment.value(f"{contact}.gap", each) for each in (first, row - 1)]
+    if passed > lasts or row - 1 <= first or not all(map(math.isfinite, gaps)):
+        return None
+    speed = (gaps[0] - gaps[1]) / ((row - 1 - first) * context.period)
+    peak = speed * math.sqrt(mass * compliance.stiffness)
+    if peak < EXPLAINS * float(np.linalg.norm(moment.force())):
+        return None
+    bound = moment.stage.limits.force
+    hint = "come there more slowly"
+    if bound is not None and peak > bound:
+        slower = show(inside(speed * bound / peak, upper=True, digits=2), "mm/s")
+        hint = f"come there with {slower} or less, or raise the limit"
+    return Cause(
+        f"the tool meets {contact!r} with {show(speed, 'mm/s', 3)}, and "
+        f"{show(mass, 'kg', 2)} on {show(compliance.stiffness, 'kN/m', 3)} make of that about "
+        f"{show(peak, 'N', 2)}",
+        hint,
+        motion_of(moment.stage),
+    )
+
+
+def motion_into_contact(moment: Moment) -> Cause | None:
+    """An axis that is motion-controlled while what it presses on gives way to nothing."""
+    force = np.abs(np.nan_to_num(moment.force()))
+    if not len(force) or not force.any() or not moment.touches:
+        return None
+    axis = moment.axes[int(np.argmax(force))]
+    plan = moment.stage.plans.get(axis)
+    error = moment.value(f"error.{axis}")
+    if plan is None or plan.force or plan.open_loop or not math.isfinite(error):
+        return None
+    on = moment.pressed or moment.stage.context.held
+    place = FILE.stages[moment.stage.name].axes
+    named = axis in moment.stage.spec.axes
+    return Cause(
+        f"{axis!r} is motion-controlled, and its reference is {show(abs(error), 'mm', 2)} beyond "
+        f"where {on!r} lets the tool go",
+        f"give {axis!r} a force, or end the motion before",
+        key_of(place[axis]) if named else None,
+    )
+
+
+# --- motions -------------------------------------------------------------------------------------
+
+
+def runaway(moment: Moment) -> Cause | None:
+    """A force loop on an axis along which nothing returns the force."""
+    if moment.value("touching") > 0 or moment.stage.context.held:
+        return None
+    for axis, plan in moment.stage.plans.items():
+        rate = abs(moment.value(f"velocity.{axis}"))
+        wanted = moment.value(f"{axis.effort}.{axis}.ref")
+        fastest = max(abs(moment.value(f"velocity.{a}")) for a in moment.stage.translations)
+        if not plan.set_point or not wanted or axis.is_rotation or rate < fastest / RUNS_AWAY:
+            continue
+        return Cause(
+            f"nothing returns the {show(wanted, 'N', 3)} on {axis!r}, and the tool goes there with "
+            f"{show(rate, 'mm/s', 3)}",
+            "let a stage before it touch: a velocity until a force is measured",
+            FILE.stages[moment.stage.name].axes[axis],
+        )
+    return None
+
+
+def reference_speed(moment: Moment) -> Cause | None:
+    """A reference that is itself faster than the limit on speed, or nearly so."""
+    bound = moment.stage.limits.speed
+    rates = [moment.value(f"velocity.{a}.ref") for a in moment.axes]
+    wanted = float(np.linalg.norm(np.nan_to_num(rates)))
+    if bound is None or wanted < 0.8 * bound:
+        return None
+    return Cause(
+        f"the reference goes with {show(wanted, 'mm/s', 3)} there",
+        "move more slowly, or raise the limit, for this stage by its own `limits`",
+        motion_of(moment.stage),
+    )
+
+
+def turned_joint(moment: Moment, joint: int) -> Cause:
+    """How far a joint was turned in a stage, and by what."""
+    robot, held = moment.stage.context.robot, moment.stage.context.held
+    column = f"joint.{joint + 1}.position"
+    began, now = moment.value(column, moment.visit.first), moment.value(column)
+    unit = LENGTH.on(rotation=turns_at(robot, joint))
+    by = f"{held!r} takes it along: it" if held else "it"
+    back = "turned back" if turns_at(robot, joint) else "drawn back"
+    room = float(robot.upper[joint] - robot.lower[joint])
+    return Cause(
+        f"{by} goes from {show(began, unit, 3)} to {show(now, unit, 3)} in this stage, and has "
+        f"{show(room, unit, 3)} between its limits",
+        f"start with joint {joint + 1} {back} (robot.start), or shorten the motion",
+        motion_of(moment.stage),
+    )
+
+
+def fast_joint(moment: Moment, joint: int) -> Cause | None:
+    """A joint that has to go fast since the arm is near a singularity, or since the tip is."""
+    robot = moment.stage.context.robot
+    v = abs(moment.value(f"joint.{joint + 1}.velocity"))
+    speed = moment.value("speed")
+    unit = VELOCITY.on(rotation=turns_at(robot, joint))
+    if not math.isfinite(speed):
+        return None
+    return Cause(
+        f"the tip goes with {show(speed, 'mm/s', 3)} there, for which joint {joint + 1} has "
+        f"{show(v, unit, 3)}",
+        "move more slowly, or start in another posture",
+        motion_of(moment.stage),
+    )
+
+
+def left_apart(moment: Moment) -> Cause | None:
+    """A stage that waits for a contact and has not come to one."""
+    contact = moment.stage.approached or moment.stage.contact
+    if contact is None or moment.value("touching") > 0 or not moment.has(f"{contact}.gap"):
+        return None
+    gap = moment.value(f"{contact}.gap")
+    if not gap > 0:
+        return None
+    begun = moment.value(f"{contact}.gap", moment.visit.first)
+    if gap >= begun:
+        return Cause(
+            f"it moves away from {contact!r}, which is {show(gap, 'mm', 3)} off",
+            "turn the motion round: coordinates and forces are along the frame's axes",
+            motion_of(moment.stage),
+        )
+    return Cause(
+        f"{show(gap, 'mm', 3)} are left to {contact!r}",
+        "give it more time or travel, or move faster",
+        motion_of(moment.stage),
+    )
+
+
+def _joints(moment: Moment, row: int) -> Vector:
+    n = moment.stage.context.robot.pin.nv
+    return np.array([moment.value(f"joint.{i + 1}.position", row) for i in range(n)])
