@@ -13,7 +13,7 @@ from taskspec.text.units import number, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.record.names import TABLE
 from taskspec_runner.sweep.folder import PAGE
-from taskspec_runner.sweep.session import SweepResult
+from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.summary import (
     MET,
     UNDECIDED,

@@ -7,8 +7,7 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +18,11 @@ from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, Transition
 from taskspec_runner.errors import InputError
 from taskspec_runner.link.robot import LinkError
+from taskspec_runner.loop.closed_loop import HEALTHY, LOOK_EVERY, ClosedLoop
+from taskspec_runner.loop.driven import BlockSink, Driven, Senses, TickSink
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.loop.to_rest import Brought, bring_to_rest
 from taskspec_runner.plant.plant import Plant
-from taskspec_runner.record.block import Block
 from taskspec_runner.record.bus import Bus
 
 if TYPE_CHECKING:
@@ -31,11 +31,6 @@ if TYPE_CHECKING:
     from taskspec_runner.loop.native.loop import NativeLoop
 
 Vector = NDArray[np.float64]
-
-#: Squared joint torques, velocities and positions of a sane run stay far below this.
-HEALTHY = 1e12
-#: Ticks between looks at the simulator's warning counters, which are slow to read.
-LOOK_EVERY = 20
 
 #: Loops by their names.
 NATIVE, PYTHON = "native", "python"
@@ -82,109 +77,6 @@ class Outcome:
     lost: bool = False
     not_at_rest: str = ""
     undamped: tuple[int, ...] = ()
-
-
-class TickSink(Protocol):
-    """What takes every tick."""
-
-    def add(self) -> None:
-        """Takes the bus as it is now."""
-
-
-@runtime_checkable
-class BlockSink(TickSink, Protocol):
-    """What takes ticks also by the dozen, from a loop that writes them into its block.
-
-    Attributes:
-        block: where they are to be; None where they need not be kept.
-    """
-
-    block: Block | None
-
-    @property
-    def left(self) -> int:
-        """How many ticks it takes before it has to look at one, the last of them."""
-
-    def advance(self, ticks: int) -> None:
-        """Takes ticks that are in the block."""
-
-    def by_machine_code(self) -> None:
-        """Takes note that machine code runs the ticks."""
-
-
-class DrivenArm(Protocol):
-    """What the loop asks an arm.
-
-    Attributes:
-        diverged: whether alarms are to be looked at now.
-    """
-
-    diverged: bool
-
-
-class Driven(Protocol):
-    """What the loop steps: a plant, or what stands for one that is elsewhere."""
-
-    @property
-    def arm(self) -> DrivenArm:
-        """The arm."""
-
-    def step(self, torque: Vector) -> None:
-        """Holds joint torques (n,) [N m] for one control period.
-
-        Raises:
-            LinkError: it is no longer there.
-        """
-
-    def alarm(self) -> tuple[str, str] | None:
-        """Its own alarm as (name, text), if any."""
-
-    def release(self) -> Plant | None:
-        """Takes it from whoever drove it: the plant whose arm is to be brought to rest from here.
-
-        None where there is none in this process.
-        """
-
-
-class Senses(Protocol):
-    """What gives the controller what is measured."""
-
-    def read(self) -> None:
-        """Writes the measurement into the controller's inputs.
-
-        Raises:
-            LinkError: there is none any more.
-        """
-
-
-@dataclass(frozen=True, slots=True)
-class ClosedLoop:
-    """What a tick goes through.
-
-    Attributes:
-        machine, plant, bus: of the run.
-        sensing: what the machine measures by.
-        recorder: takes every tick; without a block, Python runs them all.
-        faults: of the run, between plant and machine; None for none.
-    """
-
-    machine: Machine
-    plant: Driven
-    bus: Bus
-    sensing: Senses
-    recorder: TickSink
-    faults: Faults | None = None
-
-    @property
-    def read(self) -> Callable[[], None]:
-        """Measures."""
-        read = self.sensing.read
-        return read if self.faults is None else partial(self.faults.read, self.sensing)
-
-    @property
-    def step(self) -> Callable[[Vector], None]:
-        """Holds joint torques (n,) for one control period [N m]."""
-        return self.plant.step if self.faults is None else self.faults.step
 
 
 #: Called now and then with the machine and the simulated time.

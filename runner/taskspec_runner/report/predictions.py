@@ -9,9 +9,10 @@ import numpy as np
 from taskspec_runner.record.file_array import full
 from taskspec_runner.record.folder import Json, mapping, number
 from taskspec_runner.record.history import Mask, Vector
+from taskspec_runner.record.visits import StageVisit
 from taskspec_runner.report.chart import Level, Trace
 from taskspec_runner.report.quantities import figure
-from taskspec_runner.runs import Run, StageVisit
+from taskspec_runner.runs import Run
 from taskspec_runner.verdict.predicted import axis_of
 from taskspec_runner.verdict.response import stays
 

@@ -31,6 +31,7 @@ from taskspec_runner.sweep.folder import (
     open_sweep,
     read_written,
 )
+from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.summary import summarise
 from taskspec_runner.sweep.table import table_bytes
 from taskspec_runner.sweep.world_run import Row, broken_row
@@ -61,27 +62,6 @@ class SweepGlimpse:
 
 
 Watch = Callable[[SweepGlimpse], None]
-
-
-@dataclass(frozen=True, slots=True)
-class SweepResult:
-    """A sweep that is over, or one share of it.
-
-    Attributes:
-        task: of it.
-        path: of its folder.
-        rows: in the order of the worlds.
-        summary: what `sweep.json` says; of a share, without a verdict.
-        continued: worlds that were there before.
-        shard: which share it is, and of how many; (1, 1) for all of it.
-    """
-
-    task: Task
-    path: Path
-    rows: tuple[Row, ...]
-    summary: Json
-    continued: int = 0
-    shard: tuple[int, int] = _WHOLE
 
 
 def sweep(

@@ -18,8 +18,8 @@ from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.machine import Machine, Opening
 from taskspec.program.execution.stage_runner import StageRunner
 from taskspec.program.ports import fields, slices
-from taskspec_runner.loop import fixed_step
-from taskspec_runner.loop.fixed_step import LOOK_EVERY, ClosedLoop
+from taskspec_runner.loop import closed_loop
+from taskspec_runner.loop.closed_loop import LOOK_EVERY, ClosedLoop
 from taskspec_runner.loop.native import tick_memory, ticks
 from taskspec_runner.loop.native.tick_memory import LIBRARY, TickMemory
 from taskspec_runner.loop.sensing import Sensing
@@ -33,7 +33,7 @@ from taskspec_runner.record.block import Block, weights
 Vector = NDArray[np.float64]
 
 #: Where the loop has its functions, its record and its constants.
-_MODULES = (ticks, tick_memory, quadratic, pivots, stage_solver, fixed_step, log_block)
+_MODULES = (ticks, tick_memory, quadratic, pivots, stage_solver, closed_loop, log_block)
 
 
 class NativeLoop:

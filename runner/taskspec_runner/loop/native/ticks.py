@@ -16,7 +16,7 @@ from taskspec.native.kernel import Vector, Words, call
 from taskspec.native.quadratic import SOLVED, solve
 from taskspec.program.execution.pivots import select
 from taskspec.program.execution.stage_solver import EXACT, WORST_RESIDUAL
-from taskspec_runner.loop.fixed_step import HEALTHY
+from taskspec_runner.loop.closed_loop import HEALTHY
 from taskspec_runner.loop.native.tick_memory import TickMemory
 from taskspec_runner.record.block import checksum
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from taskspec.program.worlds import component_dimension
 from taskspec.spec import Task
@@ -14,6 +14,7 @@ from taskspec_runner.report.highlight import highlighted
 from taskspec_runner.report.template import part, script, template
 from taskspec_runner.sweep.page.columns import PEAKS, WorldColumn, columns, world_data
 from taskspec_runner.sweep.page.commands import command_stem, kept_reports
+from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.statistics import Influence, parameters
 from taskspec_runner.sweep.summary import (
     MET,
@@ -23,9 +24,6 @@ from taskspec_runner.sweep.summary import (
     worst_world,
 )
 from taskspec_runner.sweep.world_run import Row
-
-if TYPE_CHECKING:
-    from taskspec_runner.sweep.session import SweepResult
 
 Json = Mapping[str, Any]
 
