@@ -25,6 +25,27 @@ from taskspec.text.diagnostic import Diagnostic, Severity
 _OF_OTHER_WORLDS = ("TS503",)
 
 
+def compiled(task: TaskPlan) -> tuple[CompiledStage, ...]:
+    """The stages of a task, as `compiled_stage` has them.
+
+    Raises:
+        SpecError: a stage cannot evaluate a signal.
+    """
+    return tuple(compiled_stage(task, name) for name in task.stages)
+
+
+def compiled_stage(task: TaskPlan, name: str) -> CompiledStage:
+    """A stage of a task, compiled once for its analysis and for all who run it.
+
+    Raises:
+        SpecError: it cannot evaluate a signal.
+    """
+    if name not in task.compiled:
+        task.compiled[name] = compile_stage(task.follow(name))
+    found: CompiledStage = task.compiled[name]
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class Program:
     """A compiled task.

@@ -15,7 +15,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.spec import Task
 from taskspec_runner.errors import InputError
-from taskspec_runner.record.folder import Json, check_unlocked
+from taskspec_runner.record.folder import check_unlocked
 from taskspec_runner.record.manifest import inputs, task_bytes, versions
 from taskspec_runner.record.names import TABLE
 from taskspec_runner.record.whole import write_whole
