@@ -119,7 +119,7 @@ class NativeLoop:
         for index in sorted(wanted, key=lambda index: index != current):
             if self._stages[index].load(compiling):
                 self._lacking.discard(index)
-        self._stages[current].interpret()
+        self._stages[current].interpret(programs=False)
         self._asked.add(current)
 
     def run(self, first: int, most: int, compiling: Compiling) -> int:
@@ -156,6 +156,11 @@ class NativeLoop:
             self._machine.open(opening)
             self.made = True
             return 0
+        if reason == ticks.ENDS and not c.leaving.code:
+            self._machine.runner.leaving.evaluate()
+        if reason == ticks.SENSED:
+            # It may be for a program, and more such ticks may come.
+            c.interpret(programs=True)
         self.look, self.ends = reason == ticks.LOOK, reason == ticks.ENDS
         self.sensed, self.stands = reason == ticks.SENSED, reason == ticks.WHOLE
         self._take_back(c)
@@ -181,7 +186,7 @@ class NativeLoop:
         except (EngineError, UnsupportedOperationError):
             # Whoever asks for its ticks is told.
             self.made = True
-        if opening.rests or self.made:
+        if opening.rests or self.made or not self._stages[machine.index].opens_stage:
             machine.open(opening)
             self.made = True
             return None
@@ -210,6 +215,7 @@ class NativeLoop:
         if sensor is not None:
             c.noise_used, c.sensor_ticks = sensor.used, sensor.ticks
         if runner.solver is not None:
+            c.solves = runner.solver.own is not None and c.solves_programs
             c.clear, c.paring = runner.solver.clear, runner.solver.paring
             c.solved, c.worst = runner.solver.counts.solved, runner.solver.counts.worst
         if self._room:
@@ -455,7 +461,7 @@ def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRun
         )
         if solver.last_torque is not None:
             record.take(last_torque=solver.last_torque)
-        record.take(solves=solver.own is not None, asks=solver.nearest is not None)
+        record.take(asks=solver.nearest is not None)
         if solver.own is not None:
             record.assemble = Evaluation(solver.assemble)
             record.accept = Evaluation(solver.accept, scratch)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -85,6 +85,11 @@ class Evaluation(Record):
         # The code lives as long as the bound function.
         self.code = bound.code.address(CODE)
         return True
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is code for the function, if there is a function."""
+        return bool(self.code) or self._bound is None
 
     def interpret(self) -> None:
         """Has the interpreter evaluate the function, where it has no code."""
@@ -350,16 +355,36 @@ class TickMemory(Record):
             EngineError: there is no machine code here.
             UnsupportedOperationError: a function has an operation that machine code lacks.
         """
-        return all([getattr(self, name).load(compiling) for name in _EVALUATIONS])
+        return all([evaluation.load(compiling) for evaluation in self._evaluations(_EVALUATIONS)])
 
-    def interpret(self) -> None:
-        """Has the interpreter evaluate the functions that have no code.
+    def interpret(self, *, programs: bool) -> None:
+        """Has the interpreter evaluate what each tick evaluates and has no code.
+
+        Args:
+            programs: whether also that of programs, which many runs never solve.
 
         Raises:
             EngineError, UnsupportedOperationError: as `load`.
         """
-        for name in _EVALUATIONS:
-            getattr(self, name).interpret()
+        for evaluation in self._evaluations(_OF_PROGRAMS if programs else _OF_TICKS):
+            evaluation.interpret()
+
+    @property
+    def solves_programs(self) -> bool:
+        """Whether there is code for all that programs need."""
+        return all(evaluation.ready for evaluation in self._evaluations(_OF_PROGRAMS))
+
+    @property
+    def opens_stage(self) -> bool:
+        """Whether there is code for all that the stage's begin needs."""
+        return all(evaluation.ready for evaluation in self._evaluations(_OF_OPENING))
+
+    def _evaluations(self, names: Iterable[str]) -> Iterator[Evaluation]:
+        return (getattr(self, name) for name in names)
 
 
 _EVALUATIONS = [name for name, kind in TickMemory.records.items() if kind is Evaluation]
+_OF_PROGRAMS = ("assemble", "accept", "look", "left")
+#: Each is evaluated once in a stage, so that to prepare it for the interpreter never pays.
+_OF_OPENING = ("choice", "entry", "carrying")
+_OF_TICKS = sorted(set(_EVALUATIONS) - {*_OF_PROGRAMS, *_OF_OPENING, "leaving"})

@@ -105,7 +105,8 @@ def _end(c: TickMemory) -> None:
     _copy(c.new_torque, c.torque, c.n)
     _copy(c.new_torque, c.last, c.n)
     _copy(c.new_outputs, c.outputs, c.n_outputs)
-    _evaluate(c.leaving)
+    if c.leaving.code != 0:
+        _evaluate(c.leaving)
     if c.estimates:
         _add_up(c)
 
