@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import os
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -32,14 +30,13 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-#: Loops by their names.
-NATIVE, PYTHON = "native", "python"
+#: Loops by their names: machine code, its first tier alone, and Python.
+NATIVE, INTERPRETED, PYTHON = "native", "interpreted", "python"
+_LOOPS = (NATIVE, INTERPRETED, PYTHON)
 #: A variable of the environment that names the loop of runs that do not name it.
 LOOP = "TASKSPEC_LOOP"
-#: A run that is shorter is over before llvmlite is loaded and code compiled, if it has to be.
-_WORTH = 5000
-#: Ticks from one question to the next whether machine code has been compiled.
-_ASK_EVERY = 100
+#: A run that is shorter is over before code of its own is compiled: the interpreter suffices.
+_WORTH_COMPILING = 20_000
 #: Ticks that machine code runs at most before Python sees to messages, progress and interrupts.
 _AT_ONCE = 400
 DONE, FAILED, STOPPED = "done", "failed", "stopped"
@@ -90,9 +87,9 @@ def loop_wanted(loop: str | None) -> str | None:
         InputError: there is none of that name, or not here.
     """
     named = loop or os.environ.get(LOOP) or None
-    if named not in (None, NATIVE, PYTHON):
-        raise InputError(f"{LOOP} names {NATIVE} or {PYTHON}, not {named!r}")
-    if named == NATIVE:
+    if named not in (None, *_LOOPS):
+        raise InputError(f"{LOOP} names {', '.join(_LOOPS[:-1])} or {_LOOPS[-1]}, not {named!r}")
+    if named in (NATIVE, INTERPRETED):
         from taskspec.native.engine import missing
 
         why = missing()
@@ -123,7 +120,9 @@ def run(
         period: of control [s].
         progress: called now and then.
         seed: of everything random in the run: the noise of the sensor.
-        loop: `native`, `python`, or None for the native one where there is one.
+        loop: `native` for code of the run's own, which is waited for; `interpreted` for the
+            interpreter alone; `python`; None for the native loop where there is one, by the tier
+            that is worth it.
         sensing: of a plant that is elsewhere, for which Python runs all ticks; None for the
             sensors of `plant`.
         faults: of the run, which Python runs then; None for none.
@@ -160,7 +159,7 @@ def _run(closed: ClosedLoop, period: float, progress: Progress, inner: _Native) 
     machine.start()
     ticks, clock = 0, 0.0
     while True:
-        done = inner.run(ticks) if ticks >= inner.next else 0
+        done = inner.run(ticks) if inner.runs else 0
         if done:
             ticks += done
             clock = ticks * period
@@ -224,7 +223,7 @@ class _Native:
     Attributes:
         why: why Python runs all ticks, as a sentence; empty where it does not, or is wanted to.
         used: whether machine code has run any.
-        next: ticks of the run before which it runs none.
+        runs: whether it may run more.
         look: whether the plant's alarms are to be looked at after what has been run.
         goes_on: whether the tick that follows is the native loop's own.
         sensed: whether the tick that follows has been sensed.
@@ -239,13 +238,17 @@ class _Native:
         self._wanted = wanted
         self._loop: NativeLoop | None = None
         self._sink = closed.recorder if isinstance(closed.recorder, BlockSink) else None
-        self.next = 0.0 if wanted == NATIVE or "llvmlite" in sys.modules else _WORTH
-        if wanted == PYTHON or self._sink is None or not isinstance(closed.sensing, Sensing):
-            self.next = math.inf
+        self.runs = (
+            wanted != PYTHON and self._sink is not None and isinstance(closed.sensing, Sensing)
+        )
         if closed.faults is not None:
-            self.why, self.next = "the faults of the task's truth are Python's", math.inf
-            if wanted == NATIVE:
-                raise InputError(f"the native loop cannot be had: {self.why}")
+            self._stop("the faults of the task's truth are Python's")
+
+    def _stop(self, why: str) -> None:
+        """Has Python run the ticks; an InputError where the native loop is wanted."""
+        if self._wanted in (NATIVE, INTERPRETED):
+            raise InputError(f"the native loop cannot be had: {why}")
+        self.why, self.runs = why, False
 
     @property
     def name(self) -> str:
@@ -258,28 +261,25 @@ class _Native:
         self.look = self.goes_on = self.sensed = self.made = False
         assert self._sink is not None
         # With llvmlite these take a tenth of a second to import.
-        from taskspec.native.code import Compiling, NotReadyError
+        from taskspec.native.code import Compiling
         from taskspec.native.engine import EngineError
         from taskspec.native.expressions import UnsupportedOperationError
         from taskspec_runner.loop.native.loop import NativeLoop
         from taskspec_runner.plant.simulator import LayoutError
 
         try:
-            compiling = Compiling.BESIDE if ticks >= _WORTH else Compiling.NOT_YET
+            compiling = Compiling.BESIDE if ticks >= _WORTH_COMPILING else Compiling.NOT_YET
             if self._wanted == NATIVE:
                 compiling = Compiling.WAIT
+            elif self._wanted == INTERPRETED:
+                compiling = Compiling.NEVER
             if self._loop is None:
                 self._loop = NativeLoop(self._closed, self._sink.block)
             done = self._code(self._loop, ticks, compiling)
             while self._loop.ends:
                 done += self._code(self._loop, ticks + done, compiling)
-        except NotReadyError:
-            self.next = ticks + _ASK_EVERY
-            return 0
         except (EngineError, UnsupportedOperationError, LayoutError) as error:
-            if self._wanted == NATIVE:
-                raise InputError(f"the native loop cannot be had: {error}") from error
-            self.why, self.next = str(error), math.inf
+            self._stop(str(error))
             return 0
         self.look, self.made = self._loop.look, self._loop.made
         self.sensed = self._loop.sensed or self.made
