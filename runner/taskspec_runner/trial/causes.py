@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import ROTATIONS, Axis
+from taskspec.program.axes import MOSTLY
+from taskspec.program.plan import StagePlan
 from taskspec.program.sensor import SensorModel
 from taskspec.program.world.stiffness import mass_along
 from taskspec.robot.inverse_kinematics import turns_at
@@ -167,7 +169,8 @@ def _carried(robot: Robot) -> float:
 
 def commanded(moment: Moment) -> Cause | None:
     """Set points that are themselves beyond the force at which the run stops."""
-    axes = [a for a in moment.axes if moment.stage.plans[a].set_point]
+    plans = moment.stage.plans
+    axes = [a for a in moment.axes if a in plans and plans[a].set_point]
     wanted = {a: moment.value(f"force.{a}.ref") for a in axes}
     wanted = {a: force for a, force in wanted.items() if math.isfinite(force)}
     equations = [
@@ -340,6 +343,8 @@ def runaway(moment: Moment) -> Cause | None:
         fastest = max(abs(moment.value(f"velocity.{a}")) for a in moment.stage.translations)
         if not plan.set_point or not wanted or axis.is_rotation or rate < fastest / RUNS_AWAY:
             continue
+        if touching and abs(moment.stage.facing(axis)) > MOSTLY:
+            continue
         returns = "friction returns less than" if touching else "nothing returns"
         return Cause(
             f"{returns} the {show(wanted, 'N', 3)} on {axis!r}, and the tool goes there with "
@@ -366,9 +371,27 @@ def reference_speed(moment: Moment) -> Cause | None:
     )
 
 
+def behind(moment: Moment) -> Cause | None:
+    """The axis that is farthest off its reference, and what it bears."""
+    plans = moment.stage.plans
+    led = [a for a in moment.axes if a in plans and plans[a].motion and not plans[a].set_point]
+    errors = {a: abs(np.nan_to_num(moment.value(f"error.{a}"))) for a in led}
+    axis = max(errors, key=lambda a: errors[a], default=None)
+    if axis is None or not errors[axis]:
+        return None
+    return Cause(
+        f"the tool is {show(float(errors[axis]), 'mm', 3)} off its reference along {axis!r}, and "
+        f"applies {show(moment.value(f'force.{axis}'), 'N', 3)} there",
+        "end the motion before, move more slowly, stiffen the law, or raise the limit",
+        _axis_place(moment, axis),
+    )
+
+
 def saturated(moment: Moment) -> Cause | None:
     """Joints whose motors are at their limits just before."""
     robot = moment.stage.context.robot
+    if moment.row + 1 - moment.visit.first < _SATURATED_TICKS:
+        return None
     joints = [
         i + 1
         for i in range(robot.pin.nv)
@@ -380,9 +403,9 @@ def saturated(moment: Moment) -> Cause | None:
     ]
     if not joints:
         return None
-    names = " and ".join(f"joint {i} ({robot.torque_limit[i - 1]:g} N*m)" for i in joints)
+    names = ", ".join(f"joint {i} ({robot.torque_limit[i - 1]:g} N*m)" for i in joints)
     return Cause(
-        f"the torque of {names} is at its limit",
+        f"the torque is at its limit in {names}",
         "command less, move more slowly, or start where the arm bears it better",
         motion_of(moment.stage),
     )
@@ -441,6 +464,18 @@ def left_apart(moment: Moment) -> Cause | None:
         f"{show(gap, 'mm', 3)} are left to {contact!r}",
         "give it more time or travel, or move faster",
         motion_of(moment.stage),
+    )
+
+
+def no_number(text: str, stage: StagePlan) -> Cause | None:
+    """An axis whose reference is no finite number, as the end of a run names it."""
+    axis = next((a for a in stage.spec.axes if f"the reference of velocity.{a} " in text), None)
+    if axis is None:
+        return None
+    return Cause(
+        "its expression has no value there",
+        "keep its argument in range with max, min or clamp",
+        key_of(FILE.stages[stage.name].axes[axis]),
     )
 
 

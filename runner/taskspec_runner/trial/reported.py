@@ -163,7 +163,10 @@ def _explained(moment: Moment, name: str, text: str) -> tuple[str, Place, Cause 
     if name in ("force", "torque"):
         place = own.limits[name] if limits is not None and getattr(limits, name) else motion
         return _LIMIT_CODES[name], place, _of_force(moment)
-    if name in ("speed", "deviation"):
+    if name == "deviation":
+        place = own.limits[name] if limits is not None and getattr(limits, name) else motion
+        return _LIMIT_CODES[name], place, first_cause(moment, causes.runaway, causes.behind)
+    if name == "speed":
         place = own.limits[name] if limits is not None and getattr(limits, name) else motion
         return _LIMIT_CODES[name], place, first_cause(moment, *_MOTION_CAUSES)
     if name in ("joint_position", "joint_velocity"):
@@ -184,7 +187,11 @@ def _explained(moment: Moment, name: str, text: str) -> tuple[str, Place, Cause 
         return _of_bound(moment, name)
     if name == events.ATTEMPTS:
         return "TS618", key_of(own), None
-    return "TS621", key_of(own), first_cause(moment, *_MOTION_CAUSES)
+    return (
+        "TS621",
+        key_of(own),
+        causes.no_number(text, stage) or first_cause(moment, *_MOTION_CAUSES),
+    )
 
 
 _FORCE_CAUSES = (
@@ -408,10 +415,10 @@ def _commanded_outside(trial: Trial, judged: Judged) -> Cause | None:
     if visit is None:
         return None
     moment = Moment(trial, visit)
-    values, entry = (
-        moment.stretch(reference),
-        entry_of(moment.nominal, tuple(str(judged.signal).split("."))),
-    )
+    entry = entry_of(moment.nominal, tuple(str(judged.signal).split(".")))
+    # In the first half a force may still be handed over.
+    values = moment.stretch(reference)
+    values = values[len(values) // 2 :]
     low, high = (bound if bound is not None else math.nan for bound in judged.band)
     if entry is None or not (np.any(values < low) or np.any(values > high)):
         return None
