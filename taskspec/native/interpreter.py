@@ -12,7 +12,6 @@ guessed another operation than comes loses more time than an addition takes.
 
 from __future__ import annotations
 
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -229,16 +228,17 @@ def _writers(rows: Instructions, readers: Numbers, column: int) -> Numbers:
     # By places, in the order in which they are written.
     written = np.sort(rows[writers, 1].astype(np.int64) * count + writers)
     read = rows[readers, column].astype(np.int64) * count + readers
-    return written[np.searchsorted(written, read) - 1] % max(count, 1)
+    found: Numbers = written[np.searchsorted(written, read) - 1] % max(count, 1)
+    return found
 
 
-def _depths(count: int, computed: Numbers, operands: Numbers) -> list[int]:
+def _depths(count: int, computed: Numbers, operands: Numbers) -> Numbers:
     """How many instructions follow on each other, at most, up to each of those that compute."""
     depths = [0] * count
     for k, a, b in zip(computed.tolist(), *operands.tolist(), strict=True):
         x, y = depths[a], depths[b]
         depths[k] = 1 + (x if x > y else y)
-    return [depths[k] for k in computed.tolist()]
+    return np.array(depths, dtype=np.int64)[computed]
 
 
 def _pair(low: Numbers, high: Numbers) -> Numbers:
@@ -248,6 +248,4 @@ def _pair(low: Numbers, high: Numbers) -> Numbers:
 
 
 _OPERATIONS_OF_CASADI = 1 + max(getattr(ca, name) for name in dir(ca) if name.startswith("OP_"))
-_HAS_TWO = np.array(
-    [k in OPERATIONS and operands_of(k) == 2 for k in range(_OPERATIONS_OF_CASADI)]
-)
+_HAS_TWO = np.array([k in OPERATIONS and operands_of(k) == 2 for k in range(_OPERATIONS_OF_CASADI)])
