@@ -65,7 +65,7 @@ def by_interpreter(function: ca.Function, engine: Engine | None = None) -> Evalu
     work = prepared.work.copy()
 
     def evaluate(given: Sequence[Array | None], results: Sequence[Array | None]) -> None:
-        code = prepared.instructions.ctypes.data
+        code = prepared.runs.ctypes.data
         assert run(pointers(given), pointers(results), code, work.ctypes.data, 0) == 0
 
     return evaluate
