@@ -29,8 +29,8 @@ from taskspec.program.prepare import frame_at_start, prepare
 from taskspec.program.reference import orientation
 from taskspec.program.reference.axis_plan import AxisPlan, plan_axes, uncontrolled
 from taskspec.program.reference.constraints import active_equations, equation_gains
+from taskspec.program.reference.path_share import least_share, nominal_share
 from taskspec.program.reference.paths import joint_path, path_shape
-from taskspec.program.reference.slowed_path import least_share, nominal_share
 from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
@@ -203,12 +203,12 @@ class StagePlan:
     @cached_property
     def path_share(self) -> float:
         """How fast its path's time goes at nominal signals: 1, but where signals slow it."""
-        return nominal_share(self)
+        return nominal_share(self.context, self.spec, self.path, self._known_values)
 
     @cached_property
     def least_share(self) -> float:
         """What `path_share` never falls below, whatever the signals are."""
-        return least_share(self)
+        return least_share(self.context, self.spec, self.path)
 
     @cached_property
     def surface(self) -> str | None:

@@ -80,6 +80,9 @@ PROBE: Fields = (
 )
 
 
+#: What is known of a law's references beside what it commands, in this order: name and length.
+LAW: Fields = (("error", 6), ("force_ref", 6))
+
 #: What goes from stage to stage, in this order: name and length. The one reference pose of the tip
 #: (p, R by columns) and its velocity (twist), where axes that a force set point has moved are where
 #: they were measured; the wrench that the robot applied on axes with a force set point (held), and

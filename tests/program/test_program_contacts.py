@@ -160,7 +160,7 @@ def test_a_followed_surface_has_its_gap_where_forces_press_on_several_objects():
         head=HEAD + "frames: {{on: {{surface: table}}}}\nframe: on\n",
     )
     assert task.stages["corner"].gap_contact is None
-    assert compile_stage(task.stages["corner"], to_run=False).name == "corner"
+    assert compile_stage(task.stages["corner"]).name == "corner"
 
 
 def test_the_gap_from_several_objects_needs_a_name():

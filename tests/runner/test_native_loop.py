@@ -25,6 +25,7 @@ from taskspec_runner import run
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop import fixed_step
 from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.closed_loop import ClosedLoop
 from taskspec_runner.loop.native.loop import NativeLoop
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.record.block import checksums
@@ -242,7 +243,7 @@ def test_code_of_all_stages_is_asked_for_at_once(
     parts = assemble(program)
     with closing(parts.recorder(Log(tmp_path / "log.arrow"))) as recorder:
         sensing = Sensing(parts.plant.arm, parts.plant.views.equations, parts.machine)
-        closed = fixed_step.ClosedLoop(parts.machine, parts.plant, parts.bus, sensing, recorder)
+        closed = ClosedLoop(parts.machine, parts.plant, parts.bus, sensing, recorder)
         loop = NativeLoop(closed, recorder.block)
         with pytest.raises(code.NotReadyError):
             loop.ready(code.Compiling.NOT_YET)

@@ -10,13 +10,14 @@ import numpy as np
 
 from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.history import Vector
+from taskspec_runner.record.visits import StageVisit
 from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report import figures
 from taskspec_runner.report.chart import Chart, size, tints
 from taskspec_runner.report.drawing import Panel, Stroke, Tick, path_data, tick_text, ticks
 from taskspec_runner.report.plane import PlotPlane, Times
 from taskspec_runner.report.template import template
-from taskspec_runner.runs import Run, StageVisit
+from taskspec_runner.runs import Run
 from taskspec_runner.verdict.limit_effects import held_joints
 from taskspec_runner.verdict.outcome import verdict
 

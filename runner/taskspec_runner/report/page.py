@@ -14,13 +14,14 @@ from taskspec_runner.link.link import sentence
 from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.folder import Json, mapping, mappings, number
 from taskspec_runner.record.names import REPORT
+from taskspec_runner.record.visits import StageVisit
 from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report import annotated, drawn, figures, tables, to_rest
 from taskspec_runner.report.chart import Chart, Section, tints
 from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.report.quantities import figure
 from taskspec_runner.report.template import part, script, template
-from taskspec_runner.runs import Run, StageVisit
+from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judged import SHARE, Judged, Margin
 from taskspec_runner.verdict.outcome import first_broken, is_measured, so_far, verdict
 from taskspec_runner.video.still import still_for_report

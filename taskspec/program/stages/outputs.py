@@ -97,6 +97,16 @@ def outputs(
     )
 
 
+def of_the_law(measurement: Measurement, commanded: Commanded) -> ca.SX:
+    """The numbers of `LAW` and the reference of each equation."""
+    situation, references = measurement.table.situation, commanded.references
+    return ca.vertcat(
+        references.six(situation.error),
+        references.six(references.force_ref),
+        _wanted_reactions(measurement, commanded.forces.desired),
+    )
+
+
 def _wanted_reactions(measurement: Measurement, desired: Mapping[str, ca.SX]) -> ca.SX:
     """(equations,) set points, NaN where there is none."""
     nothing = ca.SX(np.nan)
