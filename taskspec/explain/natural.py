@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
-from taskspec.geometry.axis import AXES, Axis
-from taskspec.prediction.at_start import StageAtStart
-from taskspec.prediction.reactions import Reactions, mechanism_twists, reactions
-from taskspec.prediction.types import Natural, StagePrediction
+from taskspec.deferred_methods import dataclass
+from taskspec.explain.reactions import Reactions, State, mechanism_twists, reactions
+from taskspec.geometry.axis import Axis
+from taskspec.program.plan import StagePlan
 
 Vector = NDArray[np.float64]
 
@@ -32,46 +32,70 @@ _INEXACT, _NONE = float(np.sin(np.deg2rad(1.0))), 1e-6
 _NOTHING = 1e-9
 
 
-def natural(here: StageAtStart, predicted: StagePrediction) -> tuple[Natural, ...]:
-    """One constraint for each axis of a stage, as it begins.
+@dataclass(frozen=True, slots=True)
+class Natural:
+    """What the world imposes on one axis.
 
-    Args:
-        here: the stage.
-        predicted: what it is expected to do.
+    Attributes:
+        axis: of the stage's frame.
+        decides: `velocity` or `force`.
+        terms: (axis, factor) of the sum that it equals; none for zero.
+        by: the object, equation or mechanism; empty where there is nothing.
+        state: whether that is tplan.
+        pushes: the sign of the velocity that it lets pass; 0 if none.
+        friction: coefficient with which it rubs along this axis.
+        against: the axis whose force presses there; empty without friction.
+        effort: factor of the mechanism's own force or moment in the sum.
+        turns: the direction is that where the stage, or the run, begins, and changes on the way.
     """
-    rows = reactions(here, predicted)
-    axes = here.stage.plan.axes
-    index = [AXES.index(a) for a in axes]
-    wanted = [a for a in axes if here.stage.plan.plans[a].set_point]
+
+    axis: Axis
+    decides: str
+    terms: tuple[tuple[Axis, float], ...] = ()
+    by: str = ""
+    state: State = State.THERE
+    pushes: int = 0
+    friction: float = 0.0
+    against: str = ""
+    effort: float = 0.0
+    turns: bool = False
+
+
+def natural(plan: StagePlan) -> tuple[Natural, ...]:
+    """One constraint for each axis of a stage, as it begins."""
+    rows = reactions(plan)
+    axes = plan.axes
+    index = [a.row for a in axes]
+    wanted = [a for a in axes if plan.plans[a].set_point]
     pivots, R, mixed = reduced(rows.W[index].T, axes, wanted)
-    effort = _efforts(here, pivots, R)
+    effort = _efforts(plan, pivots, R)
     decided = [
-        _decided(here, axes[p], i, R, mixed, rows) for i, p in enumerate(pivots)
+        _decided(plan, axes[p], i, R, mixed, rows) for i, p in enumerate(pivots)
     ]  # fmt: skip
     found = {one.axis: one for one in decided}
     for j, axis in enumerate(axes):
         if axis not in found:
             factors = {one.axis: float(R[i, j]) for i, one in enumerate(decided)}
-            found[axis] = _free(here, axis, factors, decided, rows, effort.get(axis, 0.0))
+            found[axis] = _free(plan, axis, factors, decided, rows, effort.get(axis, 0.0))
     return tuple(found[axis] for axis in axes)
 
 
 def _decided(
-    here: StageAtStart, axis: Axis, i: int, R: Vector, mixed: Vector, rows: Reactions
+    plan: StagePlan, axis: Axis, i: int, R: Vector, mixed: Vector, rows: Reactions
 ) -> Natural:
     """An axis whose velocity the world decides."""
     row = int(np.argmax(np.abs(mixed[i])))
-    terms = {a: -float(c) for a, c in zip(here.stage.plan.axes, R[i], strict=True) if a != axis}
+    terms = {a: -float(c) for a, c in zip(plan.axes, R[i], strict=True) if a != axis}
     side = int(np.sign(mixed[i, row])) * rows.sides[row]
     name = rows.names[row]
     return Natural(
-        axis, "velocity", _kept(axis, terms, _least(here, name)), name, rows.states[row], side,
+        axis, "velocity", _kept(axis, terms, _least(plan, name)), name, rows.states[row], side,
         turns=name in rows.turning,
     )  # fmt: skip
 
 
 def _free(
-    here: StageAtStart,
+    plan: StagePlan,
     axis: Axis,
     factors: Mapping[Axis, float],
     decided: Sequence[Natural],
@@ -82,7 +106,7 @@ def _free(
     terms: tuple[tuple[Axis, float], ...] = ()
     for one in decided:
         own = {one.axis: factors[one.axis]}
-        terms += _kept(axis, own, _least(here, one.by), forces=True)
+        terms += _kept(axis, own, _least(plan, one.by), forces=True)
     rubs = 0.0
     pressing = {one.by: one for one in decided if not one.axis.is_rotation}
     by = max(terms, key=lambda term: abs(term[1]))[0] if terms else ""
@@ -92,7 +116,7 @@ def _free(
     if source is not None and not axis.is_rotation:
         rubs = rows.friction.get(source.by, 0.0)
     if effort:
-        return Natural(axis, "force", terms, here.stage.plan.held, effort=effort)
+        return Natural(axis, "force", terms, plan.held, effort=effort)
     if source is None:
         return Natural(axis, "force")
     return Natural(
@@ -111,8 +135,8 @@ def _kept(
     )
 
 
-def _least(here: StageAtStart, name: str) -> float:
-    return _INEXACT if name in here.context.surfaces else _NONE
+def _least(plan: StagePlan, name: str) -> float:
+    return _INEXACT if name in plan.context.surfaces else _NONE
 
 
 def _size(axis: Axis) -> float:
@@ -158,12 +182,12 @@ def reduced(
     return pivots, A[done], mixed[done]
 
 
-def _efforts(here: StageAtStart, pivots: Sequence[int], R: Vector) -> dict[Axis, float]:
+def _efforts(plan: StagePlan, pivots: Sequence[int], R: Vector) -> dict[Axis, float]:
     """s_j: rate of the held mechanism's coordinate per velocity of each axis that is left free."""
-    T, axes = mechanism_twists(here), here.stage.plan.axes
+    T, axes = mechanism_twists(plan), plan.axes
     if T is None:
         return {}
-    T = T[[AXES.index(a) for a in axes]]
+    T = T[[a.row for a in axes]]
     found = {}
     for j, axis in enumerate(axes):
         if j in pivots:
