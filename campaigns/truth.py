@@ -91,7 +91,7 @@ class Judged:
 
     @property
     def alarms(self) -> tuple[str, ...]:
-        """Codes of errors and warnings about the simulated run, not about other worlds or robots."""
+        """Codes of errors and warnings about the simulated run, not about another world."""
         return tuple(code for code in self.codes if self.announces.get(code, ("*",)))
 
     @property
