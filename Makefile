@@ -74,7 +74,7 @@ designs: $(READY)  ## sampled loops of 1440 tasks with mechanisms, whose designe
 
 SEED ?= 1
 FILES ?= 2000
-truth: $(READY)  ## hold what validate says of random files against their runs, keep it in docs/truth.md
+truth: $(READY)  ## hold what validate says of files of two generators against their runs; docs/truth.md
 	$(BIN)/python campaigns/truth.py --seed $(SEED) --files $(FILES) --page docs/truth.md
 
 LOWEST := $(VENV)-lowest

@@ -7,15 +7,11 @@ the control period T, so that a task file need not know any of them.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from taskspec.laws.gains import AxisDesign, AxisPlant, Gain
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from taskspec.laws.law import ControlLaw
 
 _SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
 _MOTION_BANDWIDTH = 5.0
@@ -27,7 +23,20 @@ INTEGRAL_FREQUENCY = 2.0
 _REACTION_GAIN = 0.5
 
 
-def accelerations(law: ControlLaw, axis: AxisDesign) -> dict[str, Gain]:
+class DesignedLaw(Protocol):
+    """The facts of a law that the rules go by; see `laws.law.ControlLaw`."""
+
+    @property
+    def gain_names(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def force_loop(self) -> bool: ...  # noqa: D102
+    @property
+    def natural(self) -> bool: ...  # noqa: D102
+    @property
+    def damps_joints(self) -> bool: ...  # noqa: D102
+
+
+def accelerations(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
     """Gains of an axis that either moves by acceleration, is soft, or follows a force."""
     if axis.force:
         return force_loop(law, axis)
@@ -44,7 +53,7 @@ def accelerations(law: ControlLaw, axis: AxisDesign) -> dict[str, Gain]:
     }
 
 
-def springs(law: ControlLaw, axis: AxisDesign) -> dict[str, Gain]:
+def springs(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
     """Gains of an axis that a spring and a damper hold, beside a force loop if the law has one."""
     plant = axis.plant
     # Where the arm keeps its own inertia, an axis moves the mass that it feels while the springs
@@ -80,7 +89,7 @@ def springs(law: ControlLaw, axis: AxisDesign) -> dict[str, Gain]:
     return gains | {"damping": damping or _spring_damping(mass, stiffness, k, moved)}
 
 
-def force_loop(law: ControlLaw, axis: AxisDesign, damping: Gain | None = None) -> dict[str, Gain]:
+def force_loop(law: DesignedLaw, axis: AxisDesign, damping: Gain | None = None) -> dict[str, Gain]:
     """Gains of a force loop on an axis or an equation.
 
     Args:

@@ -27,7 +27,7 @@ _DECIDED = 0.1
 _FLAT = 1e-3
 
 
-@rule("TS321", "a motion into a surface")
+@rule("TS321", "a motion into a surface", predicts=("TS321",))
 def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
     """Motion axes that lead into the nominal contact, and how hard they press."""
     contact, walked = stage.contact, stage.nominal
@@ -64,7 +64,8 @@ def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
     {
         "TS323": "a motion that leaves a constraint",
         "TS324": "a motion to where a constraint has no gradient",
-    }
+    },
+    predicts=("TS323", "TS324"),
 )
 def motions_off_an_equation(stage: StagePlan) -> Iterator[Finding]:
     """Ways that leave an equation which holds, or on which one has no gradient: the first place.

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from taskspec.foresight.force_profile import force_profiles
-from taskspec.foresight.rows import shares_of
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import on_axis
 from taskspec.program.axes import MOSTLY
@@ -14,8 +12,8 @@ from taskspec.program.known_value import known_value
 from taskspec.program.limits.consistency import SET_POINT_SHARE
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, Phase, rule, warning
-from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, KeyPath
+from taskspec.statics.rows import shares_of
 from taskspec.text.units import FORCE, in_si, show
 
 
@@ -44,44 +42,6 @@ def pulls(stage: StagePlan) -> Iterator[Finding]:
                 place,
                 f"under {relation} pressing is {'positive' if presses > 0 else 'negative'}: it "
                 "goes along the gradient of left minus right",
-            )
-
-
-@rule({}, also=("TS308", "TS610"))
-def changing_set_points(stage: StagePlan) -> Iterator[Finding]:
-    """Set points that pull, or pass the limit on force, at some time of their stage."""
-    most = stage.limits.force
-    for profile in force_profiles(stage):
-        axis, place = profile.axis, FILE.stages[stage.name].axes[profile.axis][profile.axis.effort]
-        if axis.is_rotation:
-            continue
-        along = stage.facing(axis)
-        pulls = [(v * math.copysign(1.0, along), t, v)
-                 for t, v in zip(profile.times, profile.values, strict=True)]  # fmt: skip
-        worst, _, pull = max(pulls)
-        if abs(along) > MOSTLY and worst > TOUCHING:
-            first = next(t for w, t, _ in pulls if w > 0)
-            yield warning(
-                "TS308",
-                f"from t = {show(first, 's', 3)} on, this pulls on {stage.contact_of(axis)!r}, "
-                f"which can only push back, with up to {show(abs(pull), 'N', 3)}",
-                place,
-                "forces are what the robot applies: add a constant that keeps it pressing",
-            )
-        beyond = [] if most is None else [
-            t for t, v in zip(profile.times, profile.values, strict=True)
-            if abs(v) > shares_of(stage).force * most
-        ]  # fmt: skip
-        if beyond and most is not None:
-            effect = "keeps it there" if stage.law.solve == "qp" else "stops the run there"
-            if then := stage.limits.then("force"):
-                effect = f"leads to stage {then!r}"
-            yield warning(
-                "TS610",
-                f"at t = {show(beyond[0], 's', 3)} this passes the limit on force, "
-                f"{show(most, 'N')}, which {effect}",
-                place,
-                "raise the limit, for this stage by its own `limits`, or lower the force",
             )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
-from taskspec.signals.table import VECTORS, Signal, find
+from taskspec.signals.table import VECTORS, Entry, Index, Signal, find
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -112,11 +112,21 @@ class Situation:
         if text not in self.known:
             kinds = {name: thing.kind for name, thing in self.objects.items()}
             found = find(path, kinds, self.visits)
-            value = None if found is None else found.value(self)
+            value = None if found is None else self._value(found)
             if found is None or value is None or found.signal.axes:
                 return value
             self.known[text] = value
         return self.known[text]
+
+    def _value(self, entry: Entry) -> ca.SX | None:
+        """The formula of an entry here; None where it is not known."""
+        signal, member = entry.signal, entry.member
+        if entry.beside:
+            return None
+        if signal.index is Index.AXIS:
+            return self.components(signal).get(Axis(member))
+        found: ca.SX | None = signal.formula(self, member) if member else signal.formula(self)
+        return found
 
     def components(self, signal: Signal) -> Mapping[Axis, ca.SX]:
         """All components of a family of axes that there are, by axis."""

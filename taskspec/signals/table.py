@@ -6,16 +6,11 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import TRANSLATIONS, Axis, as_axis
 from taskspec.text.units import NUMBER, Dimension
-
-if TYPE_CHECKING:
-    import casadi as ca
-
-    from taskspec.signals.situation import Situation
 
 
 class Index(StrEnum):
@@ -126,16 +121,6 @@ class Entry:
     member: str
     dimension: Dimension
     beside: str = ""
-
-    def value(self, at: Situation) -> ca.SX | None:
-        """Its formula in a situation; None where it is not known there."""
-        signal = self.signal
-        if self.beside:
-            return None
-        if signal.index is Index.AXIS:
-            return at.components(signal).get(Axis(self.member))
-        found: ca.SX | None = signal.formula(at, self.member) if self.member else signal.formula(at)
-        return found
 
 
 #: By name: families of axes, single signals in the order of the log, and clocks.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import pytest
+from taskspec.foresight.doubts import _falls
 
 from taskspec.examination import examine
-from taskspec.foresight.doubts import _falls
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import on_axis
 from taskspec.program.plan import StagePlan

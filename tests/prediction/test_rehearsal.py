@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-import taskspec_runner
 from taskspec.analysis.rehearsal import Rehearsal, rehearse
 from taskspec.analysis.rehearsed_signals import RehearsedSignals
+from taskspec.foresight.doubts import doubted
+from taskspec.rules.predicted_forces import close_calls
+
+import taskspec_runner
 from taskspec.compiler import admit
 from taskspec.examination import examine
-from taskspec.foresight.doubts import doubted
 from taskspec.program.program import Program
-from taskspec.rules.predicted_forces import close_calls
 from taskspec.spec import load_text
 from taskspec.text.expression.tree import Name
 from taskspec_runner.verdict.summary import EXIT_GOOD, EXIT_MISSED

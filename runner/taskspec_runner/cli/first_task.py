@@ -18,7 +18,7 @@ from taskspec.robot.packages import is_packaged
 from taskspec.spec import load_text
 from taskspec.spec.schema import FILE_NAME
 from taskspec.text.diagnostic import SpecError
-from taskspec_runner.cli.new import task_name
+from taskspec_runner.cli.given import task_name
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record.whole import write_whole
 from taskspec_runner.session import execute_program

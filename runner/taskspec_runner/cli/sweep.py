@@ -20,7 +20,8 @@ from taskspec_runner.record.names import TABLE
 from taskspec_runner.sweep.executors import workers
 from taskspec_runner.sweep.folder import PAGE, open_sweep, read_written
 from taskspec_runner.sweep.kept import check as check_keep
-from taskspec_runner.sweep.session import SweepGlimpse, SweepResult, Watch, merged, sweep
+from taskspec_runner.sweep.result import SweepResult
+from taskspec_runner.sweep.session import SweepGlimpse, Watch, merged, sweep
 from taskspec_runner.sweep.worlds import Worlds
 
 #: Worlds where neither the file nor an option says how many.

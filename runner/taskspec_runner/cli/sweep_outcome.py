@@ -13,13 +13,11 @@ from taskspec.text.units import number, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.record.names import TABLE
 from taskspec_runner.sweep.folder import PAGE
-from taskspec_runner.sweep.session import SweepResult
+from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.summary import (
     MET,
     UNDECIDED,
     interval_text,
-    predicted_text,
-    predicted_wrong,
     rate_text,
 )
 
@@ -86,10 +84,6 @@ def _depends(result: SweepResult) -> Iterator[str]:
         yield f"what matters ({told_of}): {', '.join(parts)}"
     for each in summary["regions"]:
         yield each["text"]
-    if looked_at := summary.get("predicted"):
-        wrong = predicted_wrong(looked_at)
-        about = f"; wrong about {_worlds(wrong)}" if wrong else ""
-        yield f"{predicted_text(looked_at)}{about}"
     worst = summary["worst"]
     if worst is not None:
         row = result.rows[worst["world"]]

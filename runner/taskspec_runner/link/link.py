@@ -10,7 +10,7 @@ import numpy as np
 from taskspec.program.program import Program
 from taskspec.program.worlds import World
 from taskspec_runner.loop.assembly import Assembly
-from taskspec_runner.loop.fixed_step import Driven
+from taskspec_runner.loop.driven import Driven
 from taskspec_runner.record.history import History
 
 #: The column of how late what came for a tick came.

@@ -26,7 +26,7 @@ from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.fault_time import FaultTime
 
 if TYPE_CHECKING:
-    from taskspec_runner.loop.fixed_step import Senses
+    from taskspec_runner.loop.driven import Senses
 
 Vector = NDArray[np.float64]
 

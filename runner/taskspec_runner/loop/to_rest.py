@@ -14,7 +14,7 @@ from taskspec.program.execution.machine import Machine
 from taskspec_runner.link.robot import LinkError
 
 if TYPE_CHECKING:
-    from taskspec_runner.loop.fixed_step import ClosedLoop
+    from taskspec_runner.loop.closed_loop import ClosedLoop
     from taskspec_runner.plant.plant import Plant
 
 Vector = NDArray[np.float64]

@@ -7,19 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.oscillation import (
-    LEAST_FORCE,
-    LEAST_MOMENT,
-    LEAST_SPEED,
-    OF_SET_POINT,
-    OF_TORQUE,
-    Oscillation,
-    References,
-    amid_noise,
-    judged,
-    oscillation,
-)
-from taskspec.analysis.saturation import LASTS, torque_share, velocity_share
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.program.program import Program
@@ -31,7 +18,20 @@ from taskspec.text.units import FORCE, MOMENT, VELOCITY, Dimension, show
 from taskspec_runner.record.file_array import blocks, empty
 from taskspec_runner.record.history import History, Visit
 from taskspec_runner.verdict.metrics import set_points
+from taskspec_runner.verdict.oscillation import (
+    LEAST_FORCE,
+    LEAST_MOMENT,
+    LEAST_SPEED,
+    OF_SET_POINT,
+    OF_TORQUE,
+    Oscillation,
+    References,
+    amid_noise,
+    judged,
+    oscillation,
+)
 from taskspec_runner.verdict.run_finding import RunFinding
+from taskspec_runner.verdict.saturation import LASTS, torque_share, velocity_share
 
 Vector = NDArray[np.float64]
 

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
-from taskspec.laws.mechanism_form import FreeWays, damping_rate
+from taskspec.laws.case import FreeWays
+from taskspec.laws.mechanism_form import damping_rate
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement
 
