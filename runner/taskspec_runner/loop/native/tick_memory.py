@@ -99,10 +99,10 @@ class Evaluation(Record):
         engine = interpreter_engine()
         prepared = interpreted(bound.function, engine)
         self._prepared, self._work = prepared, prepared.work.copy()
-        self.instructions, self.work = prepared.instructions.ctypes.data, self._work.ctypes.data
+        self.instructions, self.work = prepared.runs.ctypes.data, self._work.ctypes.data
         self.code = engine.address(INTERPRET)
         called = engine.function(INTERPRET, None, *_SIGNATURE, brief=True)
-        bound.evaluate_by(called, prepared.instructions, self._work)
+        bound.evaluate_by(called, prepared.runs, self._work)
 
 
 class TickMemory(Record):
