@@ -26,8 +26,8 @@ from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, key_of
 from taskspec.spec.robot import Robot
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, inside, show
+from taskspec_runner.trial.impact import impact_at
 from taskspec_runner.trial.moment import Moment
-from taskspec_runner.trial.touch import touch_at
 
 Vector = NDArray[np.float64]
 
@@ -194,7 +194,7 @@ def commanded(moment: Moment) -> Cause | None:
 def blow(moment: Moment) -> Cause | None:
     """A touch with a speed: a mass m that meets a contact k with v presses with v sqrt(k m)."""
     row, contact = moment.first_touch, moment.pressed
-    touch = touch_at(moment, row, contact) if row is not None and contact else None
+    touch = impact_at(moment, row, contact) if row is not None and contact else None
     if touch is None:
         return None
     passed = moment.value("clock") - moment.value("clock", touch.row)

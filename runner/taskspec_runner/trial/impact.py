@@ -20,7 +20,7 @@ CLOSING_TICKS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Touch:
+class Impact:
     """A tool that meets an object.
 
     Attributes:
@@ -48,7 +48,7 @@ class Touch:
         return math.pi * math.sqrt(self.mass / self.stiffness)
 
 
-def touch_at(moment: Moment, row: int, contact: str) -> Touch | None:
+def impact_at(moment: Moment, row: int, contact: str) -> Impact | None:
     """The touch of an object that begins in a row; None where its gap before is not known.
 
     Args:
@@ -66,7 +66,7 @@ def touch_at(moment: Moment, row: int, contact: str) -> Touch | None:
     q = np.array([moment.value(f"joint.{i}.position", row) for i in joints])
     normal = moment.stage.normal_of(contact)
     mass = _striking_mass(moment.stage, normal, mass_along(context.robot, q, normal))
-    return Touch(contact, row, speed, mass, context.compliances[contact].stiffness)
+    return Impact(contact, row, speed, mass, context.compliances[contact].stiffness)
 
 
 def _striking_mass(stage: StagePlan, normal: Vector, arm: float) -> float:
@@ -76,7 +76,7 @@ def _striking_mass(stage: StagePlan, normal: Vector, arm: float) -> float:
     return stage.law.control_law.strikes_with(gains, arm)
 
 
-def first_touch(moment: Moment) -> Touch | None:
+def first_impact(moment: Moment) -> Impact | None:
     """The first touch that begins in a visit, up to a moment; None where none does."""
     touching = moment.trial.history.columns["touching"][: moment.row + 1] > 0
     begins = np.flatnonzero(touching[1:] & ~touching[:-1]) + 1
@@ -86,4 +86,4 @@ def first_touch(moment: Moment) -> Touch | None:
     row = int(begins[0])
     borne = {n: abs(moment.value(f"{n}.force", row)) for n in moment.nominal.shapes}
     contact = max(borne, key=lambda name: np.nan_to_num(borne[name]), default="")
-    return touch_at(moment, row, contact) if contact else None
+    return impact_at(moment, row, contact) if contact else None
