@@ -60,17 +60,17 @@ def approach(stage: StagePlan, gap: float | None) -> Approach | None:
         stage: the stage.
         gap: from its contact as it starts [m]; None where that is unknown.
     """
-    contact = stage.approached
+    contact = stage.contacts.approached
     if contact is None or stage.spec.until is None:
         return None
-    gap = gap if contact == stage.contact else None
+    gap = gap if contact == stage.contacts.main else None
     if gap is not None and gap < AT_SURFACE:
         return None
-    normal, rates = stage.normal_of(contact), rates_of(stage)
+    normal, rates = stage.contacts.normal(contact), rates_of(stage)
     closing = -float(normal @ stage.rotation @ rates)
     if closing <= 0:
         return None
-    fits = {a: abs(stage.along(a, normal)) for a in moved(rates)}
+    fits = {a: abs(stage.kinematics.along(a, normal)) for a in moved(rates)}
     axis = max(fits, key=lambda a: fits[a])
     if fits[axis] < MOSTLY or not waits_for_contact(stage):
         return None
@@ -156,7 +156,7 @@ def ends_by_touch(stage: StagePlan) -> bool:
 def striking_mass(stage: StagePlan, axis: Axis) -> float:
     """Mass that strikes [kg]: the arm's own along an axis, or the apparent one of its law."""
     own = {name: by_axis[axis] for name, by_axis in stage.gains.items() if axis in by_axis}
-    return float(stage.law.control_law.strikes_with(own, stage.plants[axis].h))
+    return float(stage.law.control_law.strikes_with(own, stage.design_rules.plants[axis].h))
 
 
 def dragged(stage: StagePlan, axis: Axis, time: float) -> float:
@@ -245,7 +245,7 @@ def _joint_drag(stage: StagePlan, axis: Axis) -> float:
     damping += by_joint or np.zeros(n)
     if not (damping > 0).all():
         return 0.0
-    J = stage.jacobian[[a.row for a in stage.axes]]
+    J = stage.kinematics.jacobian[[a.row for a in stage.axes]]
     mobility = J / damping @ J.T
     if np.linalg.cond(mobility) > _SINGULAR:
         return 0.0

@@ -62,7 +62,7 @@ def stages_at_start(program: Program) -> Iterator[StageAtStart]:
 
 def _carried(context: Context, stage: CompiledStage) -> tuple[float | None, float]:
     """Distance [m] and speed [m/s], as the run begins, of an object that carries the frame."""
-    base, contact = stage.plan.moving_base, stage.plan.contact
+    base, contact = stage.plan.moving_base, stage.plan.contacts.main
     if contact is None or base is None:
         return None, 0.0
     moves = base.twist(0.0, context.start_p)[:3]

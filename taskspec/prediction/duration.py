@@ -145,7 +145,7 @@ def _rates(here: StageAtStart) -> dict[Axis, float]:
 
 def _mechanism(here: StageAtStart, known: Known) -> dict[str, Signal]:
     """Coordinate of the held mechanism, and what it bears until it comes to its stop."""
-    name, start = here.stage.plan.held, known.coordinate
+    name, start = here.stage.plan.contacts.held, known.coordinate
     rate = mechanism_rate(here)
     if rate is None or start is None:
         return {}
@@ -169,7 +169,7 @@ def _mechanism(here: StageAtStart, known: Known) -> dict[str, Signal]:
 
 def mechanism_rate(here: StageAtStart) -> float | None:
     """Rate of the held mechanism [rad/s, m/s]; None where none is held, or it is not known."""
-    if not here.stage.plan.held:
+    if not here.stage.plan.contacts.held:
         return None
     return coordinate_rate(here.stage.plan)
 

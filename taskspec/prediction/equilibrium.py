@@ -164,12 +164,12 @@ def _springs(here: StageAtStart, on: Bearing, rest: Rest) -> None:
     """The axis along a contact's normal that a spring of the law holds."""
     context, stage = here.context, here.stage
     if (
-        stage.plan.contact is None
-        or stage.plan.contact not in on.names
+        stage.plan.contacts.main is None
+        or stage.plan.contacts.main not in on.names
         or stage.plan.frame.at_origin
     ):
         return
-    name = stage.plan.contact
+    name = stage.plan.contacts.main
     normal = on.normals[:, on.names.index(name)]
     if stage.plan.falls:
         plans = stage.plan.plans
@@ -265,7 +265,7 @@ def _rim(here: StageAtStart, name: str, rim: Face, pressed: tuple[Axis, float], 
     row, open_loop = AXES.index(axis), here.stage.plan.plans[axis].open_loop
     if open_loop:
         own, springs[row] = 1.0 / float(springs[row]), 0.0
-        normal = here.rotation.T @ here.stage.plan.normal_of(name)
+        normal = here.rotation.T @ here.stage.plan.contacts.normal(name)
     if context.loaded.task.shapes[name].friction > 0:
         why = f"the tool does not lie flush, and friction of {name!r} holds its edge"
         rest.left_out[applied(axis)] = why
@@ -329,7 +329,7 @@ def _equations(
 def _mechanism(here: StageAtStart, rest: Rest) -> None:
     """What the held mechanism takes to go on at its rate: friction and damping."""
     context, stage = here.context, here.stage
-    name = stage.plan.held
+    name = stage.plan.contacts.held
     rate = coordinate_rate(stage.plan) if name else None
     if not rate:
         return

@@ -128,7 +128,7 @@ def face(here: StageAtStart, contact: str) -> Face | None:
     if np.linalg.norm(np.cross(context.start_R[:, 2], patch.normal)) < _FLUSH:
         return None
     plan = here.stage.plan
-    return Face(touched, context.start_p, context.start_R, here.rotation, plan.lever)
+    return Face(touched, context.start_p, context.start_R, here.rotation, plan.kinematics.lever)
 
 
 def springs_and_loads(here: StageAtStart, forces: dict[int, float]) -> tuple[Vector, Vector]:

@@ -105,9 +105,9 @@ def _coordinate_after(
 ) -> float | None:
     """Of the held mechanism as the stage ends [rad, m]; None where that is unknown."""
     rate, lasts = mechanism_rate(here), one.duration.expected
-    if not here.stage.plan.held or coordinate is None:
+    if not here.stage.plan.contacts.held or coordinate is None:
         return coordinate
-    held = here.context.loaded.task.mechanisms[here.stage.plan.held]
+    held = here.context.loaded.task.mechanisms[here.stage.plan.contacts.held]
     if rate is None or lasts is None:
         return None
     low, high = held.stop or (-np.inf, np.inf)

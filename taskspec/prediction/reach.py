@@ -33,9 +33,9 @@ def bearing(here: StageAtStart) -> Bearing:
     """The contacts along a force axis of a stage, or along an axis that yields to them."""
     context, stage = here.context, here.stage
     plan = stage.plan
-    bear = {*plan.pressed, *plan.met}
-    names = tuple(o for o in dict.fromkeys((*plan.touched, *plan.met)) if o in bear)
-    normals = np.array([here.rotation.T @ plan.normal_of(o) for o in names])
+    bear = {*plan.contacts.pressed, *plan.met}
+    names = tuple(o for o in dict.fromkeys((*plan.contacts.touched, *plan.met)) if o in bear)
+    normals = np.array([here.rotation.T @ plan.contacts.normal(o) for o in names])
     shapes = context.loaded.task.shapes
     rubs = max((shapes[o].friction for o in names), default=0.0)
     return Bearing(names, normals.reshape(-1, 3).T, rubs)
@@ -49,7 +49,7 @@ def moment_arms(here: StageAtStart, normal: Vector) -> Vector:
     """
     context = here.context
     tool = context.robot.tool
-    lever = -here.stage.plan.lever
+    lever = -here.stage.plan.kinematics.lever
     if tool.flat:
         lever = lever + WholeTool(tool).lever(context.start_R, here.rotation @ normal)
     else:

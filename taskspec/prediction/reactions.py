@@ -74,7 +74,7 @@ def reactions(here: StageAtStart, predicted: StagePrediction) -> Reactions:
         sides.append(side)
     for wrench in _grip(here):
         columns.append(wrench)
-        names.append(here.stage.plan.held)
+        names.append(here.stage.plan.contacts.held)
         states.append(State.THERE)
         sides.append(0)
     W = np.array(columns).reshape(-1, 6).T
@@ -91,7 +91,7 @@ def _turns(here: StageAtStart, name: str) -> bool:
         model = context.equations[name]
         return not model.joints and np.ptp(gradients(context, model), axis=1).max() > _STRAIGHT
     mechanism = context.mechanisms[name]
-    way, _ = mechanism.open_ways(context.start_p + here.stage.plan.lever)
+    way, _ = mechanism.open_ways(context.start_p + here.stage.plan.kinematics.lever)
     return mechanism.angular and frame.mechanism is None and bool(np.any(way))
 
 
@@ -127,7 +127,7 @@ def equation_wrenches(here: StageAtStart) -> Iterator[tuple[str, Vector, int]]:
     """Gradients of the equations where the run begins, and the side on which they let pass."""
     context = here.context
     J = np.kron(np.eye(2), here.rotation.T) @ context.start_jacobian
-    J[:3] += np.cross(J[3:], here.rotation.T @ here.stage.plan.lever, axis=0)
+    J[:3] += np.cross(J[3:], here.rotation.T @ here.stage.plan.kinematics.lever, axis=0)
     for name, model in context.equations.items():
         gradient = context.start_equations[name].normal
         wrench, *_ = np.linalg.lstsq(J.T, gradient, rcond=1e-9)
@@ -154,8 +154,8 @@ def _grip(here: StageAtStart) -> Iterator[Vector]:
 def mechanism_twists(here: StageAtStart) -> Vector | None:
     """(6, k) free twists of the held mechanism at the control point, in the stage's axes."""
     context = here.context
-    if not here.stage.plan.held:
+    if not here.stage.plan.contacts.held:
         return None
-    point = context.start_p + here.stage.plan.lever
-    T = context.mechanisms[here.stage.plan.held].free_twists(context.start_p, point)
+    point = context.start_p + here.stage.plan.kinematics.lever
+    T = context.mechanisms[here.stage.plan.contacts.held].free_twists(context.start_p, point)
     return np.asarray(np.kron(np.eye(2), here.rotation.T) @ T)

@@ -59,7 +59,8 @@ def behind(here: StageAtStart, normals: Vector) -> tuple[Axis, float] | None:
             own = value_of(here.stage.plan.gains, "stiffness", axis)
             if wanted is None or own <= 0:
                 return None
-            return axis, -wanted * (1 / own + 1 / here.stage.plan.stiffness_of(axis)) / away
+            k = here.stage.plan.environment.stiffness_of(axis)
+            return axis, -wanted * (1 / own + 1 / k) / away
         reference = _reference(here, normals[:, 0])
         return None if reference is None else (axis, -reference)
     return None

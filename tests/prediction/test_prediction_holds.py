@@ -93,7 +93,7 @@ def test_the_closed_form_of_a_force_loop_on_a_moving_surface():
     program = compile_unchecked(load_text(task, "t.yaml"))
     stage = program.stages[0].plan
     gains = {name: by["z"].value for name, by in stage.gains.items() if "z" in by}
-    h, s = stage.plants["z"].h, 2j * math.pi
+    h, s = stage.design_rules.plants["z"].h, 2j * math.pi
     own = h * s**2 + gains["force.damping"] * s
     e = own * 2e-3 / (1 + gains["force.proportional"] + gains["force.integral"] / s + own / 10e3)
     at = predict(program)["go"].equilibrium["force.z"]

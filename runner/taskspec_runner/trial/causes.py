@@ -155,7 +155,7 @@ def blow(moment: Moment) -> Cause | None:
     context = moment.stage.context
     compliance = context.compliances[contact]
     q = _joints(moment, row)
-    mass = mass_along(context.robot, q, moment.stage.normal_of(contact))
+    mass = mass_along(context.robot, q, moment.stage.contacts.normal(contact))
     lasts = BLOWS * math.pi * math.sqrt(mass / compliance.stiffness)
     passed = moment.value("clock") - moment.value("clock", row)
     first = max(0, row - 4)
@@ -320,7 +320,7 @@ def fast_joint(moment: Moment, joint: int) -> Cause | None:
 
 def left_apart(moment: Moment) -> Cause | None:
     """A stage that waits for a contact and has not come to one."""
-    contact = moment.stage.approached or moment.stage.contact
+    contact = moment.stage.contacts.approached or moment.stage.contacts.main
     if contact is None or moment.value("touching") > 0 or not moment.has(f"{contact}.gap"):
         return None
     gap = moment.value(f"{contact}.gap")
