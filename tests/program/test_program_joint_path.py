@@ -167,7 +167,7 @@ def test_what_follows_is_designed_where_the_path_leads():
     assert plan.stages["unfold"].context.start == pytest.approx(plan.context.start)
     assert plan.follow("unfold").nominal.passage.last.q == pytest.approx(there)
     approach = plan.follow("approach")
-    assert approach.tool[0] == pytest.approx(approach.context.start_p)
+    assert approach.kinematics.tool[0] == pytest.approx(approach.context.start_p)
     moved = plan.context.start_p - approach.context.start_p
     assert np.linalg.norm(moved) > 0.1
 

@@ -67,7 +67,7 @@ class Truth:
             if name.startswith(TRUE) and name != f"{TRUE}torque":
                 parts[name.removeprefix(TRUE)] = parts[name]
         objects = _objects(robot, task, parts)
-        kinds = [(stage.plan.axes, stage.plan.gap_contact) for stage in stages]
+        kinds = [(stage.plan.axes, stage.plan.contacts.of_gap) for stage in stages]
         distinct = list(dict.fromkeys(kinds))
         #: Number of the situation of each stage, and where the bus has the stage.
         # On the way to rest it has the number of the stage that was broken off, behind all stages.

@@ -334,7 +334,7 @@ def runaway(moment: Moment) -> Cause | None:
         fastest = max(abs(moment.value(f"velocity.{a}")) for a in moment.stage.translations)
         if not plan.set_point or not wanted or axis.is_rotation or rate < fastest / RUNS_AWAY:
             continue
-        if touching and abs(moment.stage.facing(axis)) > MOSTLY:
+        if touching and abs(moment.stage.contacts.facing(axis)) > MOSTLY:
             continue
         returns = "friction returns less than" if touching else "nothing returns"
         return Cause(
@@ -438,7 +438,7 @@ def fast_joint(moment: Moment, joint: int) -> Cause | None:
 
 def left_apart(moment: Moment) -> Cause | None:
     """A stage that waits for a contact and has not come to one."""
-    contact = moment.stage.approached or moment.stage.contact
+    contact = moment.stage.contacts.approached or moment.stage.contacts.main
     if contact is None or moment.value("touching") > 0 or not moment.has(f"{contact}.gap"):
         return None
     gap = moment.value(f"{contact}.gap")

@@ -64,14 +64,14 @@ def impact_at(moment: Moment, row: int, contact: str) -> Impact | None:
     speed = (gaps[0] - gaps[1]) / ((last - first) * context.period)
     joints = range(1, context.robot.pin.nv + 1)
     q = np.array([moment.value(f"joint.{i}.position", row) for i in joints])
-    normal = moment.stage.normal_of(contact)
+    normal = moment.stage.contacts.normal(contact)
     mass = _striking_mass(moment.stage, normal, mass_along(context.robot, q, normal))
     return Impact(contact, row, speed, mass, context.compliances[contact].stiffness)
 
 
 def _striking_mass(stage: StagePlan, normal: Vector, arm: float) -> float:
     """The mass [kg] that strikes along a normal (3,), of an arm's mass along it [kg]."""
-    axis = max(stage.translations, key=lambda a: abs(stage.along(a, normal)))
+    axis = max(stage.translations, key=lambda a: abs(stage.kinematics.along(a, normal)))
     gains: dict[str, Gain] = {n: by[axis] for n, by in stage.gains.items() if axis in by}
     return stage.law.control_law.strikes_with(gains, arm)
 

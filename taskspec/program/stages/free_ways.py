@@ -22,7 +22,7 @@ def free_ways(plan: StagePlan, measurement: Measurement) -> FreeWays:
     Which of them its motion axes drive is decided at the start pose.
     """
     context, point = plan.context, measurement.point
-    mechanism = context.mechanisms[plan.held]
+    mechanism = context.mechanisms[plan.contacts.held]
     R = measurement.at.R.T
     rows = [a.row for a in plan.axes]
     T = (ca.diagcat(R, R) @ mechanism.twists(point.p - point.offset, point.p))[rows, :]
@@ -33,8 +33,8 @@ def free_ways(plan: StagePlan, measurement: Measurement) -> FreeWays:
 def _driven(plan: StagePlan) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(k, d), (k, o) what of the mechanism's k ways motion axes drive, and what they do not."""
     context = plan.context
-    mechanism = context.mechanisms[plan.held]
-    twists = mechanism.free_twists(context.start_p, context.start_p + plan.lever)
+    mechanism = context.mechanisms[plan.contacts.held]
+    twists = mechanism.free_twists(context.start_p, context.start_p + plan.kinematics.lever)
     lengths = np.array([1.0] * 3 + [ARM_LENGTH] * 3)[:, None]
     ways = lengths * (np.kron(np.eye(2), plan.rotation.T) @ twists)
     size = np.linalg.norm(ways, axis=0)

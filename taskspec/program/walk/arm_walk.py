@@ -225,7 +225,7 @@ def _ended(
 def _driven_by_force(stage: StagePlan) -> bool:
     """Whether a force of a stage, which is not zero or not known, may move what is held."""
     for axis, entry in stage.spec.axes.items():
-        if entry.has_force and stage.set_point_of(axis) != 0.0:
+        if entry.has_force and stage.set_points.of(axis) != 0.0:
             return True
     return False
 

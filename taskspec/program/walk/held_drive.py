@@ -105,7 +105,7 @@ def held_drive(stage: StagePlan) -> HeldDrive | None:
 def _loop(stage: StagePlan, inertia: float, damping: float, moved: list[Axis]) -> _Loop | None:
     law, context = stage.law.control_law, stage.context
     model = context.mechanisms[context.held]
-    twists = model.free_twists(context.start_p, context.start_p + stage.lever)
+    twists = model.free_twists(context.start_p, context.start_p + stage.kinematics.lever)
     T = np.kron(np.eye(2), stage.rotation.T) @ twists
     form = stage.consistent and (law.selects or law.force_loop)
     if not form and law.force_loop and not law.natural:
@@ -130,7 +130,7 @@ def _springs(stage: StagePlan, T: Vector, inside: Vector) -> _Loop | None:
     law = stage.law.control_law
     gains = {a: on_axis(stage.gains, a) for a in stage.axes}
     # An apparent mass stands for the arm's own inertia.
-    L = stage.task_inertia
+    L = stage.kinematics.task_inertia
     if not (law.natural or stage.consistent):
         L = np.diag([gains[a]["mass"] if a in gains else 0.0 for a in AXES])
     K, on_error, drag = np.zeros(6), np.zeros(6), np.zeros((6, 6))
@@ -184,9 +184,9 @@ def _form(stage: StagePlan, T: Vector, inside: Vector, moved: list[Axis]) -> _Lo
     inverse = size[i] ** 2 * way[i] / float(np.sum((size * way) ** 2))
     if inverse * way[i] < _ALONE:
         return None  # What the references of its other axes do decides with it.
-    L = float(T[:, 0] @ stage.task_inertia @ T[:, 0])
+    L = float(T[:, 0] @ stage.kinematics.task_inertia @ T[:, 0])
     held = (np.arange(len(rows)) == i) - way * inverse
-    works = float(way @ np.linalg.solve(stage.mobility[np.ix_(rows, rows)], held))
+    works = float(way @ np.linalg.solve(stage.kinematics.mobility[np.ix_(rows, rows)], held))
     one = np.zeros((1, 6))
     one[0, axis.row] = 1.0
     pull = (L * inverse + works) * K_P * one, L * inverse * K_D * one, L * inverse * one
@@ -205,7 +205,7 @@ def _joint_damper(stage: StagePlan) -> Vector | None:
     damping = np.array([g.value for g in stage.gains["joint_damping"].values()]) + own
     if not (damping > 0).all():
         return None
-    J = stage.jacobian[rows]
+    J = stage.kinematics.jacobian[rows]
     mobility = J / damping @ J.T
     if np.linalg.cond(mobility) > _SINGULAR:
         return None

@@ -74,7 +74,7 @@ class NominalWalk:
         self._context = stage.context
         if stage.joint_path is not None:
             return self._in_joints(stage)
-        rotation = stage.frame_at_tool
+        rotation = stage.kinematics.frame_at_tool
         gap = self._gap_of(stage)
         self._touch(stage, rotation)
         start = self._p if self._known else None
@@ -104,7 +104,7 @@ class NominalWalk:
     def _in_joints(self, stage: StagePlan) -> Nominal:
         """The nominal trajectory of a path of joints, at whose end the arm is known again."""
         arm = self._arm
-        rotation, gap = stage.frame_at_tool, self._gap_of(stage)
+        rotation, gap = stage.kinematics.frame_at_tool, self._gap_of(stage)
         start = self._p if self._known else None
         q = arm.q if arm.known else self._joints(self._p, self._R)[0]
         passage = None if q is None else joint_passage(stage, q)
@@ -215,10 +215,10 @@ class NominalWalk:
 
     def _touch(self, stage: StagePlan, rotation: Vector) -> None:
         """Closes the gap of a stage that presses on its surface."""
-        contact, axes = stage.contact, stage.spec.axes
+        contact, axes = stage.contacts.main, stage.spec.axes
         if contact is None or not any(a.has_force for a in axes.values()):
             return
-        normal = stage.normal_of(contact)
+        normal = stage.contacts.normal(contact)
         gap = self._gap(stage, contact)
         along = max((abs(rotation[:, a.column] @ normal), a) for a in axes)
         if gap > 0 and axes[along[1]].has_force:
@@ -226,7 +226,7 @@ class NominalWalk:
 
     def _gap_of(self, stage: StagePlan) -> float | None:
         """Distance [m] from the contact of a stage as it starts; None where unknown."""
-        contact = stage.contact
+        contact = stage.contacts.main
         if contact is None or not self._known or contact in self._context.moving_bases:
             return None
         return self._gap(stage, contact)
@@ -234,7 +234,7 @@ class NominalWalk:
     def _gap(self, stage: StagePlan, contact: str) -> float:
         """Distance [m] from a contact here, its surface taken as flat where it faces the start."""
         context = self._context
-        if stage.normal_of(contact) is not context.start_normals[contact]:
+        if stage.contacts.normal(contact) is not context.start_normals[contact]:
             return context.obstacles.gap(contact, self._p, self._R)
         way = float(context.start_normals[contact] @ (self._p - context.start_p))
         return context.start_gaps[contact] + way
@@ -311,7 +311,7 @@ class NominalWalk:
 
     def _until_contact(self, stage: StagePlan, rotation: Vector) -> dict[Axis, float] | None:
         """Displacement of a stage that moves towards its surface until a guard ends it."""
-        contact = stage.approached
+        contact = stage.contacts.approached
         if contact is None or stage.spec.until is None or not self._to_surface(stage):
             return None
         rates: dict[Axis, float] = {}
@@ -321,7 +321,7 @@ class NominalWalk:
                 return None
             rates[axis] = rate
         v = rotation @ [rates.get(a, 0.0) for a in AXES[:3]]
-        closing = -float(stage.normal_of(contact) @ v)
+        closing = -float(stage.contacts.normal(contact) @ v)
         if closing <= PASSING * float(np.linalg.norm(v)):
             return None
         lasts = max(self._gap(stage, contact), 0.0) / closing
