@@ -257,7 +257,7 @@ def _object_angle(at: Situation, name: str) -> ca.SX | None:
 @signal(
     "travel",
     of={"slide": LENGTH, "screw": LENGTH},
-    meanings={"slide": "its coordinate", "screw": "its way along the axis"},
+    meanings={"slide": "its coordinate", "screw": "its travel along the axis"},
 )
 def _object_travel(at: Situation, name: str) -> ca.SX | None:
     return at.objects[name].way
