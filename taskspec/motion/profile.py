@@ -30,7 +30,7 @@ PIECES = 8
 
 #: How often a pace is tried so that sections take a time: it is then near by this share, and
 #: scaled to be exact, with an acceleration that is near by its square.
-_TRIES, _NEAR = 30, 1e-3
+_PACE_TRIES, _PACE_TOLERANCE = 30, 1e-3
 #: Paces beyond this multiple of the mean one make a time no shorter.
 _FASTEST = 100.0
 
@@ -123,10 +123,10 @@ def timing_by_sections(
     whole, rise = math.fsum(s.length for s in sections), min(RISE_TIME, time / 2)
     # What is k times as slow, with k times the rise, takes k times as long; k nears 1.
     pace = whole / (time - rise)
-    for _ in range(_TRIES):
+    for _ in range(_PACE_TRIES):
         tried = _by_sections(sections, pace, rise)
         share = float(tried.rests) / time
-        if abs(share - 1) < _NEAR:
+        if abs(share - 1) < _PACE_TOLERANCE:
             break
         pace = min(pace * share, _FASTEST * whole / time)
     rows = tried.coefficients * share ** np.arange(4)

@@ -28,9 +28,9 @@ Vector = NDArray[np.float64]
 #: A way that closes in by less than this share of itself passes by: 1 deg.
 PASSING = math.sin(math.radians(1.0))
 #: Nearer than this the tool is at an object [m].
-_MET = 1e-9
+_CONTACT_TOLERANCE = 1e-9
 #: No arm reaches farther [m].
-_FARTHEST = 5.0
+_LONGEST_REACH = 5.0
 _MOST_FREE_STEPS = 2000
 _MOST_STEPS = 60
 #: When the sign of a reference is looked at [s].
@@ -161,9 +161,9 @@ class Obstacles:
         for _ in range(_MOST_STEPS if convex else _MOST_FREE_STEPS):
             distance, normal = off(way)
             closing = -float(normal @ direction)
-            if (convex and not closing > PASSING) or way > _FARTHEST:
+            if (convex and not closing > PASSING) or way > _LONGEST_REACH:
                 return None
-            if distance <= _MET:
+            if distance <= _CONTACT_TOLERANCE:
                 return Encounter(name, way, normal) if closing > PASSING else None
             way += distance / (closing if convex else 1.0)
         return None

@@ -17,21 +17,21 @@ from taskspec.program.passage import Passage
 Vector = NDArray[np.float64]
 
 #: Of the difference quotient of a rate [s].
-_INSTANT = 1e-6
+_TIME_STEP = 1e-6
 #: Steps of a course among which the fastest is looked for.
-_LOOKS = 201
+_SAMPLES = 201
 #: Shares of a stage's duration, not those at which a sine of a few periods is zero.
 SAMPLES = (0.13, 0.37, 0.61, 0.83, 1.0)
 
 
 def rate_from(way: Way, time: float) -> float:
     """The rate of a way from a time on [m/s, rad/s]."""
-    return (way(time + _INSTANT) - way(time)) / _INSTANT
+    return (way(time + _TIME_STEP) - way(time)) / _TIME_STEP
 
 
 def rate_until(way: Way, time: float) -> float:
     """The rate of a way until a time [m/s, rad/s]."""
-    return (way(time) - way(time - _INSTANT)) / _INSTANT
+    return (way(time) - way(time - _TIME_STEP)) / _TIME_STEP
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Course:
 
     def fastest(self) -> tuple[float, float] | None:
         """When the tip is fastest along the frame's axes [s], and how fast [m/s]; None at rest."""
-        times = np.linspace(0.0, self.duration, _LOOKS)
+        times = np.linspace(0.0, self.duration, _SAMPLES)
         instants = times.tolist()
         ways = [[way(t) for t in instants] for a, way in self.ways.items() if not a.is_rotation]
         if not ways or not self.duration > 0 or not np.isfinite(ways).all():
@@ -67,7 +67,7 @@ class Course:
         """When a motion that turns back is farthest along or against an axis of the frame [s]."""
         if not self.bends or not 0 < self.duration < math.inf:
             return set()
-        times = np.linspace(0.0, self.duration, _LOOKS).tolist()
+        times = np.linspace(0.0, self.duration, _SAMPLES).tolist()
         found = set()
         for axis, way in self.ways.items():
             moved = np.array([way(t) for t in times])

@@ -27,8 +27,8 @@ _FURTHER = 100
 _STEP = 0.3
 _LEAST_GAIN = 1e-7
 _RESTARTS = 30
-_NEAR = 1.0
-_ENOUGH = 12
+_NEAR_HOME = 1.0
+_SOLUTIONS_WANTED = 12
 _HOMING = 60
 _MARGIN = 0.005
 _LEAST_DAMPING = 1e-14
@@ -153,7 +153,7 @@ class InverseKinematics:
         """The solution nearest home, looked for; see `nearest_home`."""
         home = self.robot.home
         best, least = self.descend(home, target)
-        if least > SOLVED or np.abs(best - home).max() > _NEAR:
+        if least > SOLVED or np.abs(best - home).max() > _NEAR_HOME:
             found = [best] if least <= SOLVED else []
             for start in self._draws(restarts):
                 q, missing = self.descend(start, target, _FURTHER if found else _ITERATIONS)
@@ -161,7 +161,7 @@ class InverseKinematics:
                     best, least = q, missing
                 if missing <= SOLVED:
                     found.append(self._unwound(q))
-                if len(found) == _ENOUGH:
+                if len(found) == _SOLUTIONS_WANTED:
                     break
             if not found:
                 return best, least

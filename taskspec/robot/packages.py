@@ -18,7 +18,7 @@ _PLAIN = frozenset({"robot", "scene", "model", "arm", "urdf", "mjcf", "xml", "ro
 _ENDINGS = (".urdf.xacro", ".xacro", ".urdf", ".xml", ".mjcf")
 _JOINT = re.compile(rb"<joint\b")
 _ROOT = re.compile(rb"<(robot|mujoco)\b")
-_LARGEST = 8 * 2**20
+_LARGEST_FILE = 8 * 2**20
 _FEWEST_JOINTS = 2
 
 
@@ -129,7 +129,7 @@ def _name(path: Path) -> str:
 def _is_robot(path: Path) -> bool:
     """Whether a file describes something with joints; those that others include do not."""
     try:
-        if path.stat().st_size > _LARGEST:
+        if path.stat().st_size > _LARGEST_FILE:
             return False
         data = path.read_bytes()
     except OSError:

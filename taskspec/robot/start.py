@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 _POSITION_FIRST = 300.0
 _ROTATION_FIRST = 0.003
-_FEWER = 10
-_FAR = 100.0
+_FEWER_RESTARTS = 10
+_FARTHEST_TARGET = 100.0
 
 
 def solve_start(
@@ -82,13 +82,13 @@ def solve_start(
     q, missing = solver.nearest_home(target)
     if missing <= SOLVED:
         return q
-    closest, short = solver.nearest_home(Target(target.position), _FEWER)
+    closest, short = solver.nearest_home(Target(target.position), _FEWER_RESTARTS)
     if short > SOLVED:
         raise _out_of_reach(model, solver, closest, position)
     spatial = "z" in model.axes
     if spatial:
         turned = replace(target, any_yaw=True)
-        q, missing = solver.nearest_home(turned, _FEWER)
+        q, missing = solver.nearest_home(turned, _FEWER_RESTARTS)
         if missing <= SOLVED:
             if rpy is None:
                 return q
@@ -101,9 +101,9 @@ def _aim(model: RobotModel, position: Array) -> Array:
     """The point (3,), or one that way 100 m from the first joint if it is farther than that."""
     base = model.pin.jointPlacements[1].translation
     distance = math.dist(position, base)
-    if distance <= _FAR:
+    if distance <= _FARTHEST_TARGET:
         return position
-    aim: Array = base + (position - base) * (_FAR / distance)
+    aim: Array = base + (position - base) * (_FARTHEST_TARGET / distance)
     return aim
 
 

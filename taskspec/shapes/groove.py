@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from taskspec.shapes.surface import Vector
 
 #: What is flatter has hardly a side [rad].
-_MOST = 170 * math.pi / 180
+_LARGEST_ANGLE = 170 * math.pi / 180
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Groove(CutPlate):
             description="Between the flanks of a groove",
             example="90 deg",
             shown=("90 deg",),
-            most=_MOST,
+            most=_LARGEST_ANGLE,
         ),
         DEPTH,
         LENGTH_OF,

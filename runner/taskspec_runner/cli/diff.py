@@ -24,7 +24,7 @@ from taskspec_runner.verdict.judged import title_of
 if TYPE_CHECKING:
     from rich.table import Table
 
-_SAME, _DIFFERENT = 0, 1
+_EXIT_SAME, _EXIT_DIFFERENT = 0, 1
 #: Columns that a terminal lists.
 _COLUMNS = 6
 #: What the page writes with, as a terminal of any kind shows it.
@@ -48,7 +48,7 @@ def diff_folders(a: Path, b: Path, page: Path | None, form: RunFormat) -> int:
     told = [
         warn_of_damage(run, name=name) for name, run in zip(NAMES, difference.runs, strict=True)
     ]
-    return _SAME if difference.equal and not any(told) else _DIFFERENT
+    return _EXIT_SAME if difference.equal and not any(told) else _EXIT_DIFFERENT
 
 
 def _show(difference: Difference) -> None:

@@ -24,7 +24,7 @@ from taskspec_runner.record.whole import write_whole
 from taskspec_runner.session import execute_program
 
 #: Starts that are tried before it is given up.
-_TRIED = 6
+_STARTS_TRIED = 6
 _FORCES = (15.0, 10.0, 5.0, 3.0, 2.0, 1.0)
 
 
@@ -64,7 +64,7 @@ def first_task(model: str, target: Path, flange: str | None) -> list[str]:
         "no start was found at which it is bent, clear of its limits and able to bear itself "
         "(springs or counterweights that carry it are said by `balanced: true`)"
     )
-    for start in islice(first_starts(robot), _TRIED):
+    for start in islice(first_starts(robot), _STARTS_TRIED):
         text = _text(shown, robot, start, lines, target)
         reason = _fails(text, target)
         if not reason:

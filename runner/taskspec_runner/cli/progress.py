@@ -21,7 +21,7 @@ _BLOCKS = "▁▂▃▄▅▆▇█"
 #: Simulated time between two blocks, and that of all of them [s].
 _STEP, _SPAN = 0.1, 3.0
 #: A line with less room than this has no blocks at all [columns].
-_LEAST = 8
+_NARROWEST_BAR = 8
 
 
 @dataclass(slots=True)
@@ -45,7 +45,7 @@ class Trail:
 
     def drawn(self, glimpse: Glimpse, room: int) -> str:
         """The newest blocks that there is room for, against the larger of force and reference."""
-        if room < _LEAST:
+        if room < _NARROWEST_BAR:
             return ""
         top = max([abs(glimpse.reference), *self._values])
         return sparkline(list(self._values)[-room:], top)

@@ -29,7 +29,7 @@ POLICIES = (CATCH_UP, HOLD)
 STOP_AFTER = 20
 #: A sample is that of a tick if its stamp is nearer than this [periods]. Between a half and one, so
 #: that a clock that drifts loses one sample in a while, and not many about the half.
-_NEAR = 0.75
+_STAMP_TOLERANCE = 0.75
 #: Samples in a row that bring nothing new before a robot is given up.
 _USELESS = 1000
 
@@ -146,10 +146,10 @@ class RobotPlant:
                 self.reordered += 1
                 continue
             ahead = (sample.stamp - self._begin) / self._period - self._due
-            if ahead <= -_NEAR:
+            if ahead <= -_STAMP_TOLERANCE:
                 self.early += 1
                 continue
-            lost = round(ahead) if ahead >= _NEAR else 0
+            lost = round(ahead) if ahead >= _STAMP_TOLERANCE else 0
             self._due, self._stamp = self._due + 1 + lost, sample.stamp
             if self._bus.linked:
                 delay = time.perf_counter() - sample.stamp

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 BLOCK_ROWS = 1 << 15
 #: Arrays of more bytes than this go to a file.
 LARGE = 1 << 20
-_ELSEWHERE = Path("/var/tmp")
+_FALLBACK_FOLDER = Path("/var/tmp")
 
 
 def unnamed_file() -> int:
@@ -34,8 +34,8 @@ def unnamed_file() -> int:
         OSError: it cannot be made.
     """
     folder = os.environ.get("TMPDIR")
-    if not folder and os.access(_ELSEWHERE, os.W_OK):
-        folder = str(_ELSEWHERE)
+    if not folder and os.access(_FALLBACK_FOLDER, os.W_OK):
+        folder = str(_FALLBACK_FOLDER)
     with tempfile.TemporaryFile(dir=folder or None) as file:
         return os.dup(file.fileno())
 

@@ -165,7 +165,7 @@ class _Reading:
 
     def _at(self, signal: Assigned, start: float, ticks: Ticks) -> Vector:
         """(ticks,) values of a signal at the ticks."""
-        held = signal.name in _HELD or _is_condition(signal.name)
+        held = signal.name in _HELD_COLUMNS or _is_condition(signal.name)
         times = signal.times - start
         return ticks.values(times, signal.values, held=held, scaled=signal.si)
 
@@ -284,7 +284,7 @@ class _Reading:
 
 
 #: What stays between two samples: it is counted, or one of a few.
-_HELD = ("limits", "residual")
+_HELD_COLUMNS = ("limits", "residual")
 
 
 def _is_sparse(name: str) -> bool:

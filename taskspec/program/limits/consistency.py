@@ -32,7 +32,7 @@ FRICTION_SHARE = 0.9
 EQUAL = 1e-6
 _CAP = "the limit on force"
 #: Weight of a generator's own size, so that equal sums are told apart.
-_LEAST = 1e-8
+_GENERATOR_WEIGHT = 1e-8
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,13 +170,13 @@ def _program(requests: Requests, E: ca.SX, conditions: _Conditions) -> Consisten
     lower, upper = ca.vertcat(*conditions.lower), ca.vertcat(*conditions.upper)
     scales = [1 / ARM_LENGTH if is_moment(name) else 1.0 for name in requests.names]
     W = ca.diag(ca.DM(scales) ** 2)
-    gram = E @ E.T + _LEAST * ca.SX.eye(len(requests.names))
+    gram = E @ E.T + _GENERATOR_WEIGHT * ca.SX.eye(len(requests.names))
     guess = E.T @ linear.solve(linear.cholesky(gram), f)
     missed = ca.norm_2(E @ guess - f) - EQUAL * (1 + ca.norm_2(f))
     outside = ca.mmax(ca.vertcat(lower - A @ guess, A @ guess - upper))
     return Consistency(
         needed=ca.logic_or(missed > 0, outside > EQUAL),
-        P=ca.densify(E.T @ W @ E + _LEAST * ca.SX.eye(E.shape[1])),
+        P=ca.densify(E.T @ W @ E + _GENERATOR_WEIGHT * ca.SX.eye(E.shape[1])),
         g=ca.densify(-E.T @ W @ f),
         A=ca.densify(A),
         lower=ca.densify(lower),

@@ -22,7 +22,7 @@ from taskspec.signals.entries import TOUCHING
 #: Closer than this [m] to the nominal object, the tool counts as touching it.
 NEAR = 1e-3
 #: However much other contacts bear, this share of a cap is left for each.
-_CROWDED = 0.1
+_LEAST_CAP_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class ContactRow:
         across = ca.sqrt(ca.fmax(size**2 - along**2, 0))
         along = np.cos(turn) * along + np.sin(turn) * across
         left = ca.sqrt(ca.fmax(along**2 + cap**2 - size**2, 0)) - along
-        return ca.fmax(left, _CROWDED * cap) / np.sqrt(1 + self.friction**2)
+        return ca.fmax(left, _LEAST_CAP_SHARE * cap) / np.sqrt(1 + self.friction**2)
 
 
 def all_objects(context: Context, first: Sequence[str]) -> tuple[str, ...]:

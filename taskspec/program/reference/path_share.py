@@ -19,7 +19,7 @@ from taskspec.text.expression import Expression, FloatAlgebra, evaluate
 from taskspec.text.expression.tree import Name
 
 #: A time at which what rises with t has risen [s].
-_LATE = 60.0
+_SETTLED_TIME = 60.0
 
 
 def speeds(context: Context, stage: Stage, speed: Expression) -> Interval:
@@ -71,10 +71,14 @@ def nominal_share(
 
 def _felt(stage: Stage, known: KnownValues) -> Mapping[str, float]:
     """What the stage's set points make of signals."""
-    found = {"t": _LATE, "clock": _LATE}
+    found = {"t": _SETTLED_TIME, "clock": _SETTLED_TIME}
     for axis, entry in stage.axes.items():
         force = entry.set_point
-        value = None if force is None else known(force.wanted, {"t": _LATE, "clock": _LATE})
+        value = (
+            None
+            if force is None
+            else known(force.wanted, {"t": _SETTLED_TIME, "clock": _SETTLED_TIME})
+        )
         if value is not None:
             found[f"{axis.effort}.{axis}"] = value
     if any(found.get(f"force.{a}") for a in "xyz"):

@@ -46,7 +46,7 @@ _FINE = 240
 #: A way is cut into pieces of this length [m, rad times the arm's length],
 _PIECE = 0.012
 #: of which there are so many.
-_FEWEST, _MOST = 10, 48
+_FEWEST_PIECES, _MOST_PIECES = 10, 48
 #: What a mechanism bears while it moves is friction, damping and what starts it, up to this share
 #: more; a guard that compares with more waits for the stop.
 _BEARS = 2.0
@@ -259,7 +259,7 @@ def _times(
     at = np.where(np.isfinite(at), at, 0.0)
     steps = np.linalg.norm(np.diff(at, axis=0), axis=1)
     gone = np.concatenate([[0.0], np.cumsum(steps)])
-    pieces = int(np.clip(math.ceil(gone[-1] / _PIECE), _FEWEST, _MOST))
+    pieces = int(np.clip(math.ceil(gone[-1] / _PIECE), _FEWEST_PIECES, _MOST_PIECES))
     # Half of the time itself keeps pieces short where references start and end.
     measure = gone / max(gone[-1], 1e-12) + 0.5 * fine / max(horizon, 1e-12)
     marks = np.searchsorted(measure, np.linspace(0.0, measure[-1], pieces + 1))

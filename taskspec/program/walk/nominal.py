@@ -33,7 +33,7 @@ _RESTARTS = 10
 #: Places of one task that are looked for so; the time that a task takes to check is bounded by it.
 _SEARCHES = 8
 #: Slower than this is what rounding makes of an axis that is held [m/s, rad/s].
-_STILL = 1e-6
+_RATE_ROUNDING = 1e-6
 #: Of a difference quotient, as a share of the duration.
 _STEP = 1e-4
 
@@ -146,7 +146,7 @@ class NominalWalk:
         looked = {i.time: i for i in (fast, swift, stiff) if i is not None}
         for _, i in sorted(looked.items()):
             rates = {a: float(i.twist[a.row]) for a in stage.axes}
-            rates = {a: rate if abs(rate) > _STILL else 0.0 for a, rate in rates.items()}
+            rates = {a: rate if abs(rate) > _RATE_ROUNDING else 0.0 for a, rate in rates.items()}
             yield Place(i.words, i.frame, i.q, {} if i is stiff else rates)
 
     @property

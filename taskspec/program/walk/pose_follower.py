@@ -24,11 +24,11 @@ from taskspec.robot.poses import mirrored
 Vector = NDArray[np.float64]
 
 #: The pose counts as taken at this error [m, rad].
-_TAKEN = 1e-6
+_POSE_TOLERANCE = 1e-6
 #: One that is missed by more than this is out of reach [m, rad].
-_REACHED = 1e-4
+_LARGEST_POSE_ERROR = 1e-4
 _ITERATIONS = 30
-_RENEWED = 3
+_ITERATIONS_PER_MOBILITY = 3
 #: No joint goes farther in one iteration [rad, m].
 _STEP = 0.3
 #: A posture is gone to with this time constant [s]: critically damped, 2 / w.
@@ -88,11 +88,11 @@ class PoseFollower:
             at = self._tip_at(q)
             error = np.concatenate([p - at.translation, pin.log3(R @ at.rotation.T)])
             e = (inside @ error)[rows]
-            if share == 0.0 and math.sqrt(e @ e) < _TAKEN:
+            if share == 0.0 and math.sqrt(e @ e) < _POSE_TOLERANCE:
                 break
             try:
                 # Within a short way the arm's mobility hardly changes.
-                if i % _RENEWED == 0:
+                if i % _ITERATIONS_PER_MOBILITY == 0:
                     J, mobile, mobility = self._mobility(q, inside)
                     pivot = min(pivot, float(np.diag(np.linalg.cholesky(mobility)).min()) ** 2)
                 step = mobile @ np.linalg.solve(mobility, e)
@@ -105,7 +105,7 @@ class PoseFollower:
             q = q + step * min(1.0, _STEP / max(float(np.abs(step).max()), 1e-12))
         kept = np.zeros(6)
         kept[rows] = (inside @ error)[rows]
-        missed = float(np.linalg.norm(kept)) > _REACHED
+        missed = float(np.linalg.norm(kept)) > _LARGEST_POSE_ERROR
         return Taken(q, pivot, kept if missed else None)
 
     def _tip_at(self, q: Vector) -> pin.SE3:

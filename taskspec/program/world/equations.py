@@ -20,7 +20,7 @@ from taskspec.text.expression.tree import Name
 Vector = NDArray[np.float64]
 
 #: Keeps the unit gradient finite where the gradient vanishes.
-_TINY = 1e-30
+_SQUARED_GRADIENT_FLOOR = 1e-30
 #: A gradient that turns by less than this is one of a flat surface [rad].
 _FLAT = 1e-3
 #: Directions across a gradient, and turns into each of them, in which it is looked at.
@@ -76,7 +76,7 @@ class EquationModel:
         drift = ca.jtimes(ca.jtimes(r, ca.vertcat(x, t), along), ca.vertcat(x, t), along)
         found = ca.Function("terms", [x, dx, t], [r, r_x, r_t, drift])
         value, gradient, by_time, bend = found(place, rate, clock)
-        scale = ca.sqrt(ca.sumsqr(gradient) + _TINY)
+        scale = ca.sqrt(ca.sumsqr(gradient) + _SQUARED_GRADIENT_FLOOR)
         return EquationTerms(
             distance=value / scale,
             normal=gradient / scale,
