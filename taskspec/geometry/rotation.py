@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Keeps angle/|w| finite and differentiable at the identity; its square root is the angle (rad)
-# below which a rotation cannot be told from none.
+# below which a rotation counts as none.
 _SQUARED_ANGLE_FLOOR = 1e-24
 
 
@@ -50,7 +50,7 @@ def quaternion(w: NDArray[np.float64]) -> NDArray[np.float64]:
 def turned(
     one: NDArray[np.float64], other: NDArray[np.float64], *, back: bool = False
 ) -> NDArray[np.float64]:
-    """The product (4,) of two unit quaternions, the first one inverted if asked for."""
+    """The product (4,) of two unit quaternions, the first one inverted where `back` is true."""
     s, v = one[0], -one[1:] if back else one[1:]
     return np.array(
         [s * other[0] - v @ other[1:], *(s * other[1:] + other[0] * v + cross(v, other[1:]))]

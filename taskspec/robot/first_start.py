@@ -41,8 +41,8 @@ class FirstStart:
         tip: (3,) the tool's tip in the world [m].
         stroke: How far the tip goes along x and y, and half as far along z, with its joints clear
             of their limits [m].
-        force: What every motor can press with besides its weight, at half its torque, along the
-            world's z [N].
+        force: What every motor can press with in addition to its weight, at half its torque, along
+            the world's z [N].
     """
 
     q: Array
@@ -108,7 +108,7 @@ def _draws(solver: InverseKinematics) -> Iterator[Array]:
     lower = np.maximum(solver.lower, robot.home - np.pi)
     upper = np.minimum(solver.upper, robot.home + np.pi)
     middle, half = (upper + lower) / 2, (upper - lower) / 2
-    # The arm looks ahead with its first turning joint, where that is within its range.
+    # The first turning joint points ahead, where that is within its range.
     first = next((i for i, turns in enumerate(robot.hinges) if turns), 0)
     for _ in range(_DRAWS):
         q = middle + (1 - _LIMIT_MARGIN) * half * rng.uniform(-1, 1, len(half))

@@ -1,4 +1,4 @@
-"""Joint positions that put the tool tip where it is asked to be."""
+"""Joint positions that put the tool tip at a target pose."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def least_turn(wanted: Array, given: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What the tip is asked for.
+    """The target of the tip.
 
     Attributes:
         position: (3,) [m], world.
@@ -121,8 +121,8 @@ class InverseKinematics:
         """The solution nearest the robot's home, or the best that was found.
 
         Args:
-            target: What the tip is asked for.
-            restarts: From how many drawn configurations it is looked for, besides home.
+            target: The target of the tip.
+            restarts: From how many drawn configurations it is searched, in addition to home.
 
         Returns:
             Joint positions (n,) and the norm of their error, below `SOLVED` when the target is
@@ -138,7 +138,7 @@ class InverseKinematics:
 
     @cached_property
     def _arm(self) -> tuple[object, ...]:
-        """What an answer depends on, besides its question."""
+        """What an answer depends on, in addition to its question."""
         robot = self.robot
         return (
             robot.pin.saveToString(),
@@ -150,7 +150,7 @@ class InverseKinematics:
         )
 
     def _search(self, target: Target, restarts: int) -> tuple[Array, float]:
-        """The solution nearest home, looked for; see `nearest_home`."""
+        """The solution nearest home, by search; see `nearest_home`."""
         home = self.robot.home
         best, least = self.descend(home, target)
         if least > SOLVED or np.abs(best - home).max() > _NEAR_HOME:

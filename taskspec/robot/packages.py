@@ -119,7 +119,7 @@ def _robots(package: str) -> tuple[Packaged, ...] | None:
 
 
 def _name(path: Path) -> str:
-    """The file's name without its ending and `_robot`, or that of the folder that tells more."""
+    """The file's name without its ending and `_robot`, or that of the folder that says more."""
     stem = next(path.name.removesuffix(end) for end in _ENDINGS if path.name.endswith(end))
     stem = stem.removesuffix("_robot")
     folders = (folder.name.removesuffix("_description") for folder in path.parents)

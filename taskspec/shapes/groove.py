@@ -81,7 +81,7 @@ class Groove(CutPlate):
         beyond = ca.fabs(x[1]) - self.edge
         return beyond if self.length is None else ca.fmax(beyond, ca.fabs(x[0]) - self.length / 2)
 
-    def seen(self, reach: float, thickness: float) -> Sequence[Vector]:
+    def drawn(self, reach: float, thickness: float) -> Sequence[Vector]:
         """The profile, drawn along x; or rings from the plate's edge down to the bottom."""
         if self.length is not None:
             end = self.length / 2

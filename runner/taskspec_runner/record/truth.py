@@ -195,9 +195,9 @@ def _objects(robot: RobotModel, task: Task, symbols: Mapping[str, ca.SX]) -> dic
         found[name] = ObjectState(kind, distance, effort=symbols["equations"][i])
     for i, (name, mechanism) in enumerate(task.mechanisms.items()):
         place = symbols["mechanism_positions"][i]
-        way = mechanism.lead * place if mechanism.angular else place
+        travel = mechanism.lead * place if mechanism.angular else place
         effort = symbols["mechanism_efforts"][i]
-        found[name] = ObjectState(mechanism.kind, coordinate=place, way=way, effort=effort)
+        found[name] = ObjectState(mechanism.kind, coordinate=place, travel=travel, effort=effort)
     return found
 
 

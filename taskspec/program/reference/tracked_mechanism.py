@@ -88,5 +88,5 @@ def mechanism_state(
     mechanism, applied = tracked.mechanism, opposite(wrench)
     effort = mechanism.effort(terms.p, applied[:3], applied[3:])
     angle = tracked.angle if mechanism.angular else None
-    state = ObjectState(mechanism.kind, coordinate=angle, way=tracked.travel, effort=effort)
+    state = ObjectState(mechanism.kind, coordinate=angle, travel=tracked.travel, effort=effort)
     return {held: state}
