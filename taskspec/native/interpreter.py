@@ -247,4 +247,6 @@ def _pair(low: Numbers, high: Numbers) -> Numbers:
 
 
 _OPERATIONS_OF_CASADI = 1 + max(getattr(ca, name) for name in dir(ca) if name.startswith("OP_"))
-_HAS_TWO = np.array([k in OPERATIONS and operands_of(k) == 2 for k in range(_OPERATIONS_OF_CASADI)])
+_HAS_TWO = np.array(
+    [k in OPERATIONS and operands_of(k) == 2 for k in range(_OPERATIONS_OF_CASADI)]
+)

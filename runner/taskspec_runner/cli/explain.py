@@ -90,7 +90,7 @@ def _explain_file(path: Path, sets: Sequence[str], law: str | None, *, as_json: 
 
 
 def _show_stage(stage: StageSheet, other: str) -> None:
-    """Shows a stage; `other` says which worlds are not as the controller is told."""
+    """Shows a stage; `other` says which worlds differ from the nominal one."""
     facts = (
         ("law", f"{stage.law}, equations {stage.equations}"),
         ("frame", stage.frame),

@@ -32,7 +32,7 @@ def first_task(model: str, target: Path, flange: str | None) -> list[str]:
     """Writes a first task for a robot: it approaches a surface, presses on it, wipes, leaves.
 
     Args:
-        model: as a task file has it, a file's path as seen from the working directory.
+        model: as a task file has it, a file's path relative to the working directory.
         target: the task file to be.
         flange: the body that carries the tool; None where it is clear.
 
@@ -74,7 +74,7 @@ def first_task(model: str, target: Path, flange: str | None) -> list[str]:
 
 
 def _relative(model: Path, folder: Path) -> str:
-    """A path as seen from a folder."""
+    """A path relative to a folder."""
     if not model.suffix:
         return str(model)  # The name of a built-in robot.
     return Path(os.path.relpath(model, folder)).as_posix()

@@ -15,7 +15,7 @@ from taskspec.text.units import FORCE, si_unit
 from taskspec_runner.cli.console import console
 from taskspec_runner.session import Glimpse, Progress
 
-#: Seconds between two looks at a run.
+#: Seconds between two samples of a run.
 _PAUSE = 0.1
 _BLOCKS = "▁▂▃▄▅▆▇█"
 #: Simulated time between two blocks, and that of all of them [s].
@@ -39,7 +39,7 @@ class Trail:
             self._values.clear()
             self._next = glimpse.clock
         if glimpse.axis and glimpse.clock >= self._next - 1e-9:
-            # Upwards is the way in which the force is wanted.
+            # Upwards is the direction of the commanded force.
             self._values.append(math.copysign(1.0, glimpse.reference) * glimpse.force)
             self._next += _STEP
 

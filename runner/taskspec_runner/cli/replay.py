@@ -46,7 +46,7 @@ def replay_run(
 
 
 def film(run: Run, video: Path, cut: Clip | None = None, *, quiet: bool = False) -> None:
-    """Writes a run as a video, with a line that tells how far it is."""
+    """Writes a run as a video, with a line of progress."""
     from taskspec_runner.video.film import Clip, check_video, write_video
     from taskspec_runner.video.recording import Recording
 

@@ -34,7 +34,7 @@ class Link(Protocol):
         """What the run is made of."""
 
     def finish(self, text: str) -> None:
-        """Tells the other end that the run has ended, and why. May be called twice."""
+        """Reports to the other end that the run has ended, and why. May be called twice."""
 
     def as_data(self) -> dict[str, Any]:
         """What a summary says of it."""

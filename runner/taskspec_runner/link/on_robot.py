@@ -62,7 +62,7 @@ class RobotPlant:
     taken one by one, each is answered, and the robot takes the newest answer.
 
     Attributes:
-        arm: itself, which the loop asks whether it has diverged.
+        arm: itself, whose divergence the loop checks.
         diverged: whether the robot has ended.
         lost, in_a_row, late, repeated, reordered, early: samples so far, by what became of them.
     """
@@ -85,7 +85,7 @@ class RobotPlant:
 
     @property
     def arm(self) -> RobotPlant:
-        """The arm, as the loop asks for it."""
+        """The arm, as the loop uses it."""
         return self
 
     # What the loop calls: `read`, the tick, `step`, `alarm`.
@@ -200,7 +200,7 @@ class RobotPlant:
         self._ticks += 1
 
     def release(self) -> None:
-        """Nothing is left to be done here: a robot that is told to stop comes to rest by itself."""
+        """Nothing is left to be done: a robot that is commanded to stop comes to rest itself."""
 
     def alarm(self) -> tuple[str, str] | None:
         """Why the robot has ended, if it has."""
@@ -256,7 +256,7 @@ class OnRobot:
         return Assembly(program, world, bus, plant, machine, sensing=plant, measured=True)
 
     def finish(self, text: str) -> None:
-        """Tells the robot that the run has ended, and why. May be called twice."""
+        """Reports to the robot that the run has ended, and why. May be called twice."""
         if not self._finished:
             self._finished = True
             self.robot.stop(text)

@@ -12,7 +12,7 @@ from taskspec_runner.plant.names import INERT, KNOB, PREFIX, placed
 _BASE = (0.36, 0.40, 0.45, 1.0)
 _BAR = (0.56, 0.60, 0.66, 1.0)
 _KNOB = (0.16, 0.36, 0.56, 1.0)
-#: Radii [m] of axis, bar and knob, and half length of what is seen of an axis.
+#: Radii [m] of axis, bar and knob, and half length of what is drawn of an axis.
 _AXIS_RADIUS, _BAR_RADIUS, _KNOB_RADIUS, _HALF_AXIS = 0.014, 0.008, 0.016, 0.03
 _SHORTEST_BAR = 1e-6
 

@@ -146,7 +146,7 @@ class History:
 
     @cached_property
     def _visits(self) -> tuple[Visit, ...]:
-        """All expectations ask for them: they are found once."""
+        """All expectations use them: they are found once."""
         if not len(self):
             return ()
         t = self.columns["t"]

@@ -1,4 +1,4 @@
-"""What limits took from each stage: how often each of them was in the way, and what it cost."""
+"""What limits took from each stage: how often each of them was active, and what it cost."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from taskspec_runner.record.history import History
 _MOST_NAMED_LIMITS = 3
 #: Share of a stage that is no more than a moment.
 _MOMENT = 0.05
-#: Columns that tell it.
+#: Columns that it is computed from.
 _LIMIT_COLUMNS = ("limits", "limited", "force_inconsistent", "residual")
 _JOINT = re.compile(r"position and velocity of joint (\d+)\Z")
 

@@ -64,7 +64,7 @@ def performance(
 
 
 def _rest_values(stage: Mapping[str, Any]) -> dict[str, float | None]:
-    """Efforts that are told to come to rest at a value that stays, and that value [SI]."""
+    """Efforts that are commanded to come to rest at a value that stays, and that value [SI]."""
     rests = stage.get("equilibrium", {}).items()
     return {name: at["value"] for name, at in rests if at["low"] == at["high"] and at["value"]}
 

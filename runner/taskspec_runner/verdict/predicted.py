@@ -1,4 +1,4 @@
-"""What was told of a run before it began, as its summary keeps it."""
+"""What was predicted of a run before it began, as its summary keeps it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Predicted = dict[str, dict[str, Any]]
 def predicted(program: Program) -> Predicted:
     """The prediction of each stage in SI units; empty where none can be made.
 
-    What a run did stands whether or not it can be told beforehand, so that a prediction that fails
+    What a run did stands whether or not it can be predicted, so that a prediction that fails
     is logged and left out.
     """
     try:

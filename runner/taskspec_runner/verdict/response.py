@@ -23,11 +23,11 @@ _STAYS = 0.1
 #: A change by less than this share of what it starts from or leads to is no step: what goes beyond
 #: is no overshoot of it, but the blow of a touch or the start of a motion.
 _STEP = 0.2
-#: Steps to set points that are nearly nothing tell nothing [N, N m].
+#: Smaller steps of a set point are not measured [N, N m].
 _SMALLEST_STEP = 0.05
-#: Two values of a set point that differ by less, seen against its size, are the same.
+#: Two values of a set point that differ by less, relative to its size, are the same.
 _SET_POINT_TOLERANCE = 1e-6
-#: A decay is looked at down to this share of where it began, and down to so many times what is
+#: A decay is measured down to this share of where it began, and down to so many times what is
 #: left of the error in the last fifth of a visit.
 _DECAY_END, _ABOVE_REST = 0.02, 2.0
 #: Ticks that a decay must last, and the factor by which it must fall, to be one.
@@ -42,7 +42,7 @@ Allowed = Mapping[tuple[str, str], tuple[float | None, float | None]]
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """The way to a set point.
+    """The response to a set point.
 
     Attributes:
         set_point: value that the reference ends at [SI].

@@ -1,4 +1,4 @@
-"""Where a run is looked at from: all of it in the picture, the tool in sight."""
+"""The cameras of a run: all of it in the picture, the tool in sight."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ _VIEW_DISTANCE = 2.5
 _FILL = 0.92
 #: Links are about so thick [m].
 _LINK_OFFSETS = 0.07 * np.vstack([np.eye(3), -np.eye(3)])
-#: Of the close view: what it shows around the tool's way [m], how far away it may be [m], and over
-#: how long its way is smoothed [s].
+#: Of the close view: what it shows around the tool's path [m], how far away it may be [m], and over
+#: how long its path is smoothed [s].
 _CLOSE_MARGIN, _LARGEST_CLOSE_DISTANCE, _SMOOTHING_TIME = 0.07, 0.5, 1.0
-#: At how many rows it is looked whether the tool is seen, how far up the tool, and the share of
-#: looks that is enough.
+#: At how many rows the visibility of the tool is checked, how far up the tool, and the share of
+#: visible rows that is enough.
 _CHECKED_ROWS, _TOOL_HEIGHT, _VISIBLE_SHARE = 5, 0.4, 0.85
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A camera: azimuth and elevation [deg], distance [m] from the point (3,) it looks at."""
+    """A camera: azimuth and elevation [deg], distance [m] from its target (3,)."""
 
     azimuth: float
     elevation: float
@@ -60,7 +60,7 @@ def axes_of(azimuth: float, elevation: float) -> Vector:
 
 
 def frame_run(world: RecordedWorld, aspect: float) -> View:
-    """A view of a whole run: of the tool's way, the arm and its base.
+    """A view of a whole run: of the tool's path, the arm and its base.
 
     Args:
         world: with the run.
@@ -97,27 +97,27 @@ def seen_from(view: View, azimuth: float, elevation: float, distance: float) -> 
 
 @dataclass(frozen=True, slots=True)
 class CloseView:
-    """A camera near the tool, that goes along where its way is long.
+    """A camera near the tool, that goes along where its path is long.
 
     Attributes:
         view: of the first row.
-        way: (n, 3) what it looks at at each row [m].
+        path: (n, 3) the point that it is aimed at in each row [m].
     """
 
     view: View
-    way: Vector
+    path: Vector
 
     def at(self, row: int) -> View:
         """The camera at a row."""
-        x, y, z = self.way[row].tolist()
+        x, y, z = self.path[row].tolist()
         return replace(self.view, lookat=(x, y, z))
 
 
 def close_view(world: RecordedWorld, view: View, aspect: float) -> CloseView:
-    """A view of the control point, from where `view` looks if nothing hides the tool there.
+    """A view of the control point, from the side of `view` if nothing hides the tool there.
 
-    Else it is from where most of the tool is seen over the run. It stands still over a
-    way that fits in, otherwise it follows the mean over `_SMOOTHING_TIME` seconds.
+    Else it is from where most of the tool is visible over the run. It stands still over a
+    path that fits in, otherwise it follows the mean over `_SMOOTHING_TIME` seconds.
     """
     recording = world.recording
     point = recording.point
@@ -142,7 +142,7 @@ def _open_to(world: RecordedWorld, room: Vector, view: View, aspect: float) -> V
     def fitted(angles: tuple[float, float]) -> View:
         return fit(model, room, angles, aspect)
 
-    def seen(angles: tuple[float, float]) -> float:
+    def visible_share(angles: tuple[float, float]) -> float:
         back = min(fitted(angles).distance, _LARGEST_CLOSE_DISTANCE) * axes_of(*angles)[2]
         sights = []
         for row in rows:
@@ -150,7 +150,7 @@ def _open_to(world: RecordedWorld, room: Vector, view: View, aspect: float) -> V
             tip, flange = data.xpos[tip_body], data.xpos[model.body_parentid[tip_body]]
             for point in (recording.point[row], tip + _TOOL_HEIGHT * (flange - tip)):
                 eye = recording.point[row] + back
-                # Both ways: from inside of a link's mesh its faces are not met.
+                # In both directions: from inside of a link's mesh its faces are not met.
                 sights.append(
                     _unhidden(model, data, eye, point, tip_body)
                     and _unhidden(model, data, point, eye, tip_body, near=_TIP_RADIUS)
@@ -158,12 +158,12 @@ def _open_to(world: RecordedWorld, room: Vector, view: View, aspect: float) -> V
         return float(np.mean(sights))
 
     usual = view.azimuth, view.elevation
-    if seen(usual) > _VISIBLE_SHARE:
+    if visible_share(usual) > _VISIBLE_SHARE:
         return fitted(usual)
 
     def worth(angles: tuple[float, float]) -> float:
         turned = abs((angles[0] - usual[0] + 180.0) % 360.0 - 180.0) / 180.0
-        return seen(angles) - 0.2 * turned - 0.2 * abs(angles[1] - usual[1]) / 90.0
+        return visible_share(angles) - 0.2 * turned - 0.2 * abs(angles[1] - usual[1]) / 90.0
 
     return fitted(max(((float(a), e) for e in _ELEVATIONS for a in _AZIMUTHS), key=worth))
 
@@ -237,9 +237,9 @@ def _unhidden(
         near: what is nearer to the start than this hides nothing either [m].
     """
     hit = np.zeros(1, dtype=np.int32)
-    way = end - start
-    length = float(np.linalg.norm(way))
-    along = way / length
+    ray = end - start
+    length = float(np.linalg.norm(ray))
+    along = ray / length
     shown = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
     at = mujoco.mj_ray(model, data, start + near * along, along, shown, 1, tool, hit, None)
     return bool(at < 0 or near + at > length - _TIP_RADIUS)

@@ -35,7 +35,7 @@ def equation_surfaces(models: Iterable[EquationModel], tip: Vector) -> list[Draw
 
     Args:
         models: the equations.
-        tip: (n, 3) the tool's way [m], around which a surface is shown.
+        tip: (n, 3) the tool's path [m], around which a surface is shown.
     """
     found = [_surface(model, tip) for model in models if not model.joints]
     return [surface for surface in found if surface is not None]

@@ -116,7 +116,7 @@ class Marks:
         return arms
 
     def draw_bodies(self, scene: mujoco.MjvScene) -> None:
-        """Adds equations' surfaces, and links without looks, to a scene that shows the world."""
+        """Adds equations' surfaces, and links without meshes, to a scene that shows the world."""
         data = self._world.data
         for upper, lower in self._world.links:
             geom = _new(scene, _LINK)
@@ -137,7 +137,7 @@ class Marks:
             width = _ARROW_WIDTH if arm.kind == "applied" else _TRIAD_WIDTH
             geom = _new(scene, COLORS[arm.kind], emission=_EMISSION)
             if geom is not None:
-                # MuJoCo draws an arrow half as long as it is told.
+                # MuJoCo draws an arrow half as long as its size says.
                 end = arm.start + 2 * (arm.end - arm.start)
                 kind = mujoco.mjtGeom.mjGEOM_ARROW.value
                 mujoco.mjv_connector(geom, kind, self._size * width, arm.start, end)
@@ -158,9 +158,9 @@ def _bars(points: Vector, starts: Sequence[int]) -> DrawnPath:
     steps = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
     jumps = np.array([row for row in starts if steps[row] > _JUMP_DISTANCE], dtype=np.int64)
     steps[jumps] = 0.0
-    way = np.cumsum(steps)
-    spacing = max(_POINT_SPACING, float(way[-1]) / _MOST_PIECES)
-    rows = np.flatnonzero(np.diff(np.floor(way / spacing), prepend=-1.0) > 0)
+    distance = np.cumsum(steps)
+    spacing = max(_POINT_SPACING, float(distance[-1]) / _MOST_PIECES)
+    rows = np.flatnonzero(np.diff(np.floor(distance / spacing), prepend=-1.0) > 0)
     rows = np.union1d(rows, np.concatenate([jumps, np.maximum(jumps - 1, 0)]))
     kept = ~np.isin(rows[1:], jumps)
     a, b = points[rows[:-1]][kept], points[rows[1:]][kept]

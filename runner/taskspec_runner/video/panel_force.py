@@ -15,7 +15,7 @@ from taskspec_runner.video.recording import Recording
 
 Vector = NDArray[np.float64]
 
-#: A smaller set point [N, N m] keeps an axis free; nobody looks at it.
+#: A smaller set point [N, N m] keeps an axis free; it is not shown.
 _SMALLEST_SET_POINT = 1e-3
 
 

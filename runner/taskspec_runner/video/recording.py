@@ -139,7 +139,7 @@ def steadiest_contact(recording: Recording, span: float = 0.2) -> int:
 
     Returns:
         The middle one of the rows where that is nearly as large as anywhere; of a run without
-        contact, the row where the tool has gone half of its way.
+        contact, the row where the tool has gone half of its path.
     """
     size = np.linalg.norm(recording.force, axis=1)
     between = float(np.median(np.diff(recording.clock))) if len(size) > 1 else recording.period
@@ -153,7 +153,7 @@ def steadiest_contact(recording: Recording, span: float = 0.2) -> int:
     lasting = average - 2 * np.sqrt(np.maximum(mean(size**2) - average**2, 0.0))
     if lasting.max() < _CONTACT_FORCE:
         steps = np.diff(recording.tip, axis=0, prepend=recording.tip[:1])
-        way = np.cumsum(np.linalg.norm(steps, axis=1))
-        return min(int(np.searchsorted(way, way[-1] / 2)), len(size) - 1)
+        distance = np.cumsum(np.linalg.norm(steps, axis=1))
+        return min(int(np.searchsorted(distance, distance[-1] / 2)), len(size) - 1)
     good = np.flatnonzero(lasting >= _SHARE_OF_LARGEST * lasting.max())
     return int(good[len(good) // 2]) + width // 2

@@ -1,7 +1,7 @@
 """The arm along a nominal trajectory: joint positions that go on from the last ones.
 
-Unlike inverse kinematics, which looks for any solution, this keeps to the branch that the arm is
-on: joints wind up past half a turn, go beyond their limits if the trajectory asks for it, and what
+Unlike inverse kinematics, which searches any solution, this keeps to the branch that the arm is
+on: joints wind up past half a turn, go beyond their limits if the trajectory requires it, and what
 the task leaves free goes where the law's null space takes it.
 """
 
@@ -41,7 +41,7 @@ class Taken:
 
     Attributes:
         q: (n,) joint positions.
-        pivot: the least pivot of J H^-1 J^T in the frame's axes [1/kg, 1/(kg m^2)], on the way.
+        pivot: the least pivot of J H^-1 J^T in the frame's axes [1/kg, 1/(kg m^2)], along the step.
         missed: (6,) by what the pose is missed [m, rad]; None where it is taken.
     """
 
@@ -91,7 +91,7 @@ class PoseFollower:
             if share == 0.0 and math.sqrt(e @ e) < _POSE_TOLERANCE:
                 break
             try:
-                # Within a short way the arm's mobility hardly changes.
+                # Within a short step the arm's mobility hardly changes.
                 if i % _ITERATIONS_PER_MOBILITY == 0:
                     J, mobile, mobility = self._mobility(q, inside)
                     pivot = min(pivot, float(np.diag(np.linalg.cholesky(mobility)).min()) ** 2)

@@ -27,7 +27,7 @@ Vector = NDArray[np.float64]
 
 #: A joint that stays farther from its limits has room [rad; of a slide, times the arm's length].
 _LIMIT_MARGIN = math.radians(10.0)
-#: Yaws that are tried, and ways of the elbow along the null space [rad].
+#: Yaws that are tried, and motions of the elbow along the null space [rad].
 _YAWS = 8
 _ELBOWS = (0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
 #: Ends of a stage that stop a run.
