@@ -51,6 +51,14 @@ def _reflected(operation: int, own: _Operator) -> _Operator:
     return operate
 
 
+def choice(condition: ca.SX, yes: ca.SX, no: ca.SX) -> ca.SX:
+    """`ca.if_else(condition, yes, no)` of three expressions: the same nodes."""
+    unary, binary = ca.SX.unary, ca.SX.binary
+    chosen = binary(ca.OP_IF_ELSE_ZERO, condition, yes)
+    other = binary(ca.OP_IF_ELSE_ZERO, unary(ca.OP_NOT, condition), no)
+    return binary(ca.OP_ADD, chosen, other)
+
+
 _QUICK = {
     method: kind(operation, _OWN[method])
     for name, operation in _OPERATIONS.items()

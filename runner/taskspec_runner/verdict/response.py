@@ -212,7 +212,7 @@ def _of_visit(
         "settled_within": "expectation" if by_band else "2 %",
         "time_constant": made.time_constant,
         "rest": made.rest,
-        "target": "set point" if target is None else "prediction",
+        "target": "set point" if target is None else "closed form",
     }
 
 

@@ -186,12 +186,11 @@ class Entering:
 
     def _vector(self, which: str) -> ca.SX:
         """The memory or the parameters as they are now; what has not been set is 0."""
-        layout, values = self.layouts[which], self.values[which]
-        parts = [
-            values[name] if name in values else ca.SX.zeros(where.stop - where.start)
-            for name, where in layout.slots.items()
-        ]
-        return ca.densify(ca.vertcat(ca.SX(0, 1), *parts))
+        layout = self.layouts[which]
+        found = ca.SX.zeros(layout.size)
+        for name, value in self.values[which].items():
+            found[layout.slots[name]] = value
+        return ca.densify(found)
 
     def _poses(self) -> dict[str, ca.SX]:
         """(12,) of the estimated frames that the stage needs, by parameter."""

@@ -9,6 +9,11 @@ from taskspec.program.plan import StagePlan
 from taskspec.program.ports import HANDED, fields, slices
 from taskspec.program.reference.orientation import displaced
 
+#: Outputs that a stage is left by, besides those that are handed on as they are.
+_LEFT = (
+    *("tip", "tip_rotation", "offset", "frame", "error"),
+    *("velocity", "velocity_ref", "force", "force_ref"),
+)
 #: Numbers of what is handed over.
 SIZE = sum(length for _, length in HANDED)
 
@@ -21,7 +26,9 @@ def leaving(plan: StagePlan) -> ca.Function:
     """
     size = sum(length for _, length in fields(len(plan.context.equations)))
     outputs, clock = ca.SX.sym("outputs", size), ca.SX.sym("clock")
-    at = {name: outputs[where] for name, where in slices(fields(0)).items()}
+    places = slices(fields(0))
+    names = (*(name for name, _ in HANDED if name in places), *_LEFT)
+    at = {name: outputs[places[name]] for name in names}
     R, frame = (ca.reshape(at[name], 3, 3) for name in ("tip_rotation", "frame"))
     error, twist, held, commanded = (ca.SX.zeros(6) for _ in range(4))
     for name, axis in plan.plans.items():
