@@ -43,39 +43,39 @@ fuzz: $(READY)  ## hold 100 000 spoiled files to what is promised of any text; f
 	$(BIN)/python tests/fuzz/campaign.py --files 100000
 
 corruptions: $(READY)  ## kills, locks, full disks, 10 000 spoiled run folders; table in docs/faults.md
-	$(BIN)/python tests/campaigns/faults.py --corruptions 10000 --table docs/faults.md
+	$(BIN)/python campaigns/faults.py --corruptions 10000 --table docs/faults.md
 
 kills: $(READY)  ## SIGKILL of a sweep and of its processes at 20 moments each; table in docs/faults.md
-	$(BIN)/python tests/campaigns/sweep_kills.py --moments 20 --table docs/faults.md
+	$(BIN)/python campaigns/sweep_kills.py --moments 20 --table docs/faults.md
 
 faults: $(READY)  ## 30 declared faults in every shipped task; table in docs/faults.md
-	$(BIN)/python tests/campaigns/declared_faults.py --rows runs/faults.jsonl --table docs/faults.md
+	$(BIN)/python campaigns/declared_faults.py --rows runs/faults.jsonl --table docs/faults.md
 
 long: $(READY)  ## memory of runs of 1, 10 and 60 simulated minutes; table in docs/faults.md
-	$(BIN)/python tests/campaigns/long_runs.py --minutes 1 10 60 --table docs/faults.md
+	$(BIN)/python campaigns/long_runs.py --minutes 1 10 60 --table docs/faults.md
 
 FOREIGN := runs/foreign
 
 foreign: $(READY)  ## 42 robots of other people: model terms, and a first task that wipes; 1.1 GB
-	$(BIN)/python tests/campaigns/foreign_robots.py --names | \
+	$(BIN)/python campaigns/foreign_robots.py --names | \
 		xargs $(BIN)/pip install --quiet --no-deps --upgrade --target $(FOREIGN)
-	$(BIN)/python tests/campaigns/foreign_robots.py --packages $(FOREIGN)
-	$(BIN)/python tests/campaigns/first_tasks.py --packages $(FOREIGN) --page docs/robots.md
+	$(BIN)/python campaigns/foreign_robots.py --packages $(FOREIGN)
+	$(BIN)/python campaigns/first_tasks.py --packages $(FOREIGN) --page docs/robots.md
 
 BASE ?= 19f4a73
 equivalence: $(READY)  ## hold the tree against commit BASE: shipped and 200 random tasks, diagnostics
-	$(BIN)/python tests/campaigns/equivalence.py --base $(BASE)
+	$(BIN)/python campaigns/equivalence.py --base $(BASE)
 
-native: $(READY)  ## hold the loop in machine code against Python's: shipped and 200 random tasks
-	$(BIN)/python tests/campaigns/native.py
+native: $(READY)  ## hold both tiers of the native loop against Python's: shipped and 200 random tasks
+	$(BIN)/python campaigns/native.py
 
 designs: $(READY)  ## sampled loops of 1440 tasks with mechanisms, whose designed gains are to be stable; docs/designed-gains.md
-	$(BIN)/python tests/campaigns/mechanism_tasks.py --tasks 1080 --page docs/designed-gains.md
+	$(BIN)/python campaigns/mechanism_tasks.py --tasks 1080 --page docs/designed-gains.md
 
 SEED ?= 1
 FILES ?= 2000
-truth: $(READY)  ## hold what validate says of random files against their runs, keep it in docs/truth.md
-	$(BIN)/python tests/campaigns/truth.py --seed $(SEED) --files $(FILES) --page docs/truth.md
+truth: $(READY)  ## hold what validate says of files of two generators against their runs; docs/truth.md
+	$(BIN)/python campaigns/truth.py --seed $(SEED) --files $(FILES) --page docs/truth.md
 
 LOWEST := $(VENV)-lowest
 
@@ -100,6 +100,7 @@ referee: $(READY)  ## other people's laws in tasks of this project; writes docs/
 
 bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a change of stage of a tick
 	$(BIN)/python benchmarks/bench_loop.py
+	$(BIN)/python benchmarks/bench_tiers.py
 	$(BIN)/python benchmarks/bench_stages.py
 	$(BIN)/python benchmarks/bench_validate.py
 

@@ -8,15 +8,11 @@ from __future__ import annotations
 
 import taskspec.rules.all  # noqa: F401  (it registers the rules)
 from taskspec.examined import Examination
-from taskspec.foresight.nominal import plan_task
+from taskspec.planning import plan_task
 from taskspec.program.plan import TaskPlan
 from taskspec.rules import Phase, apply_rules
 from taskspec.spec import LoadedTask
-from taskspec.text.diagnostic import Diagnostic, Diagnostics, Severity, SpecError
-
-#: Numbers of codes from here on are about what a task does; some of them about other worlds than
-#: its own.
-_OF_RUNS, _OF_OTHER_WORLDS = 300, ("TS304", "TS503", "TS504")
+from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
 
 
 def examine(loaded: LoadedTask, *, stability: bool = True) -> Examination:
@@ -36,17 +32,9 @@ def examine(loaded: LoadedTask, *, stability: bool = True) -> Examination:
         diagnostics.extend(error.diagnostics)
     else:
         _examine_stages(task, diagnostics)
-        for phase in (Phase.STABILITY, Phase.REHEARSAL) if stability else ():
-            if not diagnostics.has_errors:
-                task.reported = frozenset(d.code for d in diagnostics.sorted() if _speaks_of_run(d))
-                apply_rules(phase, task, loaded, diagnostics)
+        if stability and not diagnostics.has_errors:
+            apply_rules(Phase.STABILITY, task, loaded, diagnostics)
     return Examination(loaded, task, diagnostics.sorted())
-
-
-def _speaks_of_run(found: Diagnostic) -> bool:
-    """Whether a finding is about how the run of the file's own world ends."""
-    text_alone = int(found.code[2:]) < _OF_RUNS or found.code in _OF_OTHER_WORLDS
-    return found.severity is not Severity.INFO and not text_alone
 
 
 def check_task(loaded: LoadedTask) -> tuple[Diagnostic, ...]:

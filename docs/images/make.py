@@ -20,9 +20,9 @@ from pathlib import Path
 
 from PIL import Image
 
-from taskspec.analysis.worlds import random_world
 from taskspec.compiler import compile_task
 from taskspec.laws import LAWS
+from taskspec.program.worlds import random_world
 from taskspec.spec import load_task
 from taskspec_runner.cli.compare import compare_laws
 from taskspec_runner.cli.formats import RunFormat

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import field
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,6 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.text.units import show
-
-if TYPE_CHECKING:
-    from taskspec.foresight.held_drive import HeldDrive
 
 Vector = NDArray[np.float64]
 
@@ -27,7 +23,7 @@ class End(Enum):
         DONE: its moves, path and time, or its guard for certain.
         BOUND: `within`, its guard never having been possible.
         STOP: the stop of the held mechanism, at which its guard may hold.
-        OPEN: nothing tells how it goes on from there.
+        OPEN: it is unknown how it goes on from there.
         JOINT: a joint comes to its limit.
         REACH: the arm does not get farther.
         STRAIN: a mechanism does not let an axis go on, and the limit on force is passed.
@@ -121,11 +117,37 @@ class Stopped:
 
 
 @dataclass(frozen=True, slots=True)
+class HeldDrive:
+    """The course of a held mechanism that a stage drives from rest, at coordinate 0.
+
+    Attributes:
+        times: (n,) since the stage began [s].
+        coordinate: (n,) of the mechanism [rad, m].
+        knob: (n,) angle of the tool on a free knob [rad]; 0 on a fixed one.
+        force: (n,) size of the force that the grip bears [N]; None where that is not predicted.
+    """
+
+    times: Vector
+    coordinate: Vector
+    knob: Vector
+    force: Vector | None
+
+    @property
+    def farthest(self) -> float:
+        """Coordinate that is farthest from where it begins [rad, m]."""
+        return float(self.coordinate[np.argmax(np.abs(self.coordinate))])
+
+    def at(self, time: float) -> Vector:
+        """(2,) coordinate and knob at a time [s]."""
+        return np.array([np.interp(time, self.times, x) for x in (self.coordinate, self.knob)])
+
+
+@dataclass(frozen=True, slots=True)
 class Passage:
     """What an arm goes through in a stage.
 
     Attributes:
-        instants: its start, and some of its way.
+        instants: its start, and some later ones.
         end: what ends it.
         joint: index of the joint that comes to its limit; None for none.
         missed: (6,) by what the arm misses the place where it does not get farther [m, rad].

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 import casadi as ca
@@ -9,6 +10,8 @@ import casadi as ca
 from taskspec.control.reference import opposite
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.program.context import Context
+from taskspec.program.interval import Interval, point
 from taskspec.program.slots import Slots
 from taskspec.program.world import estimated_frames, kinematics
 from taskspec.program.world.frames import FrameModel
@@ -30,7 +33,7 @@ class SignalTable:
     """The signals of a stage by name.
 
     Attributes:
-        situation: what their formulas are told; grows while the stage is put together.
+        situation: the arguments of their formulas; grows while the stage is put together.
         constants: params and pi by name.
         elsewhere: resolves `signal in FRAME`.
     """
@@ -73,6 +76,19 @@ def entry_of(task: Task, path: tuple[str, ...]) -> Entry | None:
     return find(path, {name: thing.kind for name, thing in task.world.items()}, task.stages)
 
 
+def natural(found: Entry) -> Interval:
+    """What a signal can be by its nature."""
+    return Interval(found.signal.low, found.signal.high)
+
+
+def constant(context: Context, name: Name) -> Interval | None:
+    """The value of a param or a constant, None of another name."""
+    text, params = str(name), context.loaded.task.params
+    if text == "pi":
+        return point(math.pi)
+    return point(params[text].value) if text in params else None
+
+
 def applied(axis: Axis) -> str:
     """The signal of what the robot applies on an axis: `force.z`, `torque.rx`."""
     return f"{'torque' if axis.startswith('r') else 'force'}.{axis}"
@@ -101,7 +117,7 @@ class Placement:
     at: kinematics.FrameState
 
     def situation(self, axes: tuple[Axis, ...]) -> Situation:
-        """What the formulas of signals are told of the tool, on axes of the frame."""
+        """The arguments of signals' formulas about the tool, on axes of the frame."""
         world, terms = self.world, self.terms
         return Situation(
             axes=axes,

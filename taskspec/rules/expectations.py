@@ -5,22 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from taskspec.foresight.approach import ends_by_touch
-from taskspec.foresight.conditions import bounds_of, names, parts, value_of
-from taskspec.foresight.ranges import constant, natural
 from taskspec.geometry.axis import as_axis
 from taskspec.program.axes import MOSTLY
+from taskspec.program.conditions import bounds_of, names, parts, value_of
 from taskspec.program.context import Context
 from taskspec.program.flow import good_end, reached
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.program.known_value import known_value
-from taskspec.program.plan import TaskPlan
-from taskspec.program.signals import entry_of
+from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.program.signals import constant, entry_of, natural
+from taskspec.program.walk.nominal import AT_SURFACE
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.rules.signals import no_such_signal
 from taskspec.signals import CLOCKS
 from taskspec.spec import Expectation
-from taskspec.text.expression import evaluate
+from taskspec.text.expression import Expression, evaluate
 from taskspec.text.expression.tree import Call, Compare, Held, Name, Node, Reduce, WithinNode, walk
 from taskspec.text.units import FORCE, fitting, show
 
@@ -146,7 +145,7 @@ def peaks_of_touches(task: TaskPlan) -> Iterator[Finding]:
         for part, name in _peaks(task, expectation):
             stage = _stage_of(context, name)
             after = None if stage is None else good_end(context.loaded.task.stages, stage)
-            if stage is None or after is None or not ends_by_touch(task.framed[stage]):
+            if stage is None or after is None or not _ends_by_touch(task.framed[stage]):
                 continue
             # The whole run, or the stage that gets the blow, may be bounded by another line.
             if {(None, _effort(name)), (after, _effort(name))} & bounded:
@@ -196,12 +195,12 @@ def _is_peak(task: TaskPlan, reduced: Reduce, name: Name, *, from_above: bool) -
     stage = _stage_of(task.context, name)
     plan = None if stage is None else task.framed.get(stage)
     axis = as_axis(name.path[-1])
-    if arg != name or plan is None or plan.approached is None or name.frame is not None:
+    if arg != name or plan is None or plan.contacts.approached is None or name.frame is not None:
         return False
     if axis is None or axis.is_rotation:
         return from_above and reduced.reducer == "max"
     # The robot applies a force against the normal.
-    way = -plan.along(axis, plan.normal_of(plan.approached))
+    way = -plan.kinematics.along(axis, plan.contacts.normal(plan.contacts.approached))
     if abs(way) < MOSTLY:
         return False
     return reduced.reducer == ("max" if way > 0 else "min") and from_above == (way > 0)
@@ -344,3 +343,63 @@ def _set_point(task: TaskPlan, signal: Name) -> float | None:
     if axis is None or force is None or signal.path[1] != axis.effort:
         return None
     return known_value(task.context, force.wanted)
+
+
+@rule("TS727", "an expectation that a guard ends short of", phase=Phase.RUN)
+def short_ends(task: TaskPlan) -> Iterator[Finding]:
+    """Last values beyond those at which the stage's own guard ends it."""
+    for expectation in task.context.loaded.task.expect:
+        expression = expectation.expression
+        for condition in parts(expression.tree):
+            finding = _short_of(task, expression, condition)
+            if finding is not None:
+                yield finding
+
+
+def _short_of(task: TaskPlan, expression: Expression, condition: Node) -> Finding | None:
+    """A last value beyond that at which the stage's own guard ends it.
+
+    The tick in which a guard holds is the first of the next stage, so that the last one of its
+    own stage has not come to it.
+    """
+    if not isinstance(condition, Compare) or not isinstance(condition.left, Reduce):
+        return None
+    name = condition.left.arg
+    if condition.left.reducer != "last" or not isinstance(name, Name) or name.frame is not None:
+        return None
+    stage = task.framed.get(name.path[0])
+    guard = None if stage is None or stage.spec.until is None else stage.spec.until.tree
+    if stage is None or not isinstance(guard, Compare) or not _is_of(guard.left, name.path[1:]):
+        return None
+    passage = stage.nominal.passage
+    if passage is None or len(passage.instants) == 1:
+        return None  # Nothing says that it comes there by going on.
+    up = condition.op.startswith(">")
+    if guard.op.startswith(">") != up:
+        return None
+    least, ends = _known(task, condition.right), _known(task, guard.right)
+    if least is None or ends is None or (least < ends if up else least > ends):
+        return None
+    return warning(
+        "TS727",
+        f"the guard of stage {name.path[0]!r} ends it in the tick in which this would hold, "
+        "and that tick is no longer one of its own",
+        expression.where(condition),
+        "expect a little less than the guard waits for, or let the guard wait for a little more",
+    )
+
+
+def _is_of(node: Node, path: tuple[str, ...]) -> bool:
+    return isinstance(node, Name) and node.path == path and node.frame is None
+
+
+def _ends_by_touch(stage: StagePlan) -> bool:
+    """Whether a stage comes from free space, by a motion alone, and ends as soon as it touches."""
+    gap, until = stage.nominal.gap, stage.spec.until
+    pushes = any(plan.set_point for plan in stage.plans.values()) or stage.spec.constraints
+    if until is None or isinstance(until.tree, Held) or pushes or stage.contacts.held:
+        return False
+    if stage.contacts.approached is None or (gap is not None and gap < AT_SURFACE):
+        return False
+    sensed = {"force", "torque", "touching"}
+    return any(sensed & {*name.path} for name in names(until.tree))

@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.qp.certificate import Certificate, contradiction, feasible
-from taskspec.foresight.approach import approach, rates_of
-from taskspec.foresight.course import course_of, moving_axes
-from taskspec.foresight.force_profile import at, force_profiles
-from taskspec.foresight.rates import VELOCITY, motion
-from taskspec.foresight.rows import Cause, RowSystem
-from taskspec.foresight.statics import TORQUE, statics
-from taskspec.geometry.axis import AXES
-from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Place
-from taskspec.robot.inverse_kinematics import turns_at
+from taskspec.program.walk.course import moving_axes
 from taskspec.rules import Finding, rule, warning
-from taskspec.rules.places import motion_of
 from taskspec.spec import FILE, key_of
-from taskspec.text import units
+from taskspec.statics.forces import TORQUE, statics
+from taskspec.statics.rates import VELOCITY, motion
+from taskspec.statics.rows import Cause, RowSystem
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import show
 
@@ -42,7 +34,7 @@ _FEW = 2
 _OVERSHOOT = 0.1
 
 
-@rule("TS420", "lines that contradict each other")
+@rule("TS420", "lines that contradict each other", predicts=("TS420",))
 def contradictions(stage: StagePlan) -> Iterator[Finding]:
     """Lines of a stage that contradict each other, at the first place where they do."""
     places = stage.nominal.places
@@ -50,146 +42,16 @@ def contradictions(stage: StagePlan) -> Iterator[Finding]:
         finding = None
         if place.missed:
             continue
-        if stage.set_points or len(places) > 1:
+        if stage.set_points.constant or len(places) > 1:
             finding = _contradiction(stage, place, *statics(stage, place))
         if finding is None and place.q is not None and any(place.rates.values()):
             finding = _contradiction(stage, place, *motion(stage, place))
         if finding is not None:
             yield finding
             return
-    yield from _profiles(stage)
-    yield from _fast_joints(stage)
-    yield from _fast_tip(stage)
 
 
-def _profiles(stage: StagePlan) -> Iterator[Finding]:
-    """Set points that change with time, at the first instant at which they cannot be had."""
-    profiles, place = force_profiles(stage), stage.nominal.places[0]
-    if not profiles or place.q is None:
-        return
-    most = np.sum([np.abs(p.values) for p in profiles], axis=0)
-
-    def finding(i: int) -> Finding | None:
-        then = stage.but(set_points=stage.set_points | at(profiles, i))
-        when = replace(place, words=f"at t = {show(profiles[0].times[i], 's', 3)}")
-        return _contradiction(then, when, *statics(then, when))
-
-    late = int(np.argmax(most))
-    last = finding(late)
-    if last is None:
-        return
-    early = int(np.argmin(most[: late + 1]))
-    while late - early > 1:
-        middle = (early + late) // 2
-        found = finding(middle)
-        early, late, last = (middle, late, last) if found is None else (early, middle, found)
-    yield last
-
-
-def _fast_joints(stage: StagePlan) -> Iterator[Finding]:
-    """Joints that the law takes beyond their speed, although the arm might go another way."""
-    passage, robot = stage.nominal.passage, stage.context.robot
-    if passage is None or stage.law.solve == "qp":
-        return
-    for here in passage.instants[1:]:
-        share = np.abs(here.v) / robot.velocity_limit
-        i = int(np.argmax(share))
-        if share[i] > 1.0:
-            unit = units.VELOCITY.on(rotation=turns_at(robot, i))
-            most = show(float(robot.velocity_limit[i]), unit, 3)
-            yield warning(
-                "TS420",
-                f"in stage {stage.name!r}, {here.words}, joint {i + 1} reaches "
-                f"{show(abs(float(here.v[i])), unit, 3)}, and its velocity limit is {most}",
-                motion_of(stage),
-                "move slower, or start in another posture",
-            )
-            return
-
-
-def _fast_tip(stage: StagePlan) -> Iterator[Finding]:
-    """Motions of which nothing else tells that they take the tip beyond `limits.speed`."""
-    most = stage.limits.speed
-    if most is None or stage.law.solve == "qp":
-        return
-    found, does, hint = _turned(stage, most), "the turn takes the tip along with", "turn slower"
-    if stage.nominal.passage is None:
-        found, does, hint = _unplaced(stage), "the tip goes at", "move slower"
-    if found is not None and found[1] > most:
-        when, speed = found
-        yield warning(
-            "TS420",
-            f"in stage {stage.name!r}, at t = {show(when, 's', 3)}, {does} "
-            f"{show(speed, 'mm/s', 3)}, and the limit on speed is {show(most, 'mm/s')}: the run "
-            "stops there",
-            motion_of(stage),
-            f"{hint}, or raise the limit, for this stage by its own `limits`",
-        )
-
-
-@rule("TS426", "a limit on speed without room", also=("TS420",))
-def scant_speed_limits(stage: StagePlan) -> Iterator[Finding]:
-    """Motions that keep to `limits.speed`, and not with what a tip overshoots them."""
-    most, peak = stage.limits.speed, _fastest(stage)
-    if most is None or most >= (1 + _OVERSHOOT) * peak:
-        return
-    if peak > most:
-        looked = any(any(place.rates.values()) for place in stage.nominal.places)
-        if stage.law.solve != "qp" and not looked:
-            yield warning(
-                "TS420",
-                f"stage {stage.name!r} is to go at {show(peak, 'mm/s', 3)}, and the limit on speed "
-                f"is {show(most, 'mm/s', 3)}: the run stops there",
-                motion_of(stage),
-                "move slower, or raise the limit, for this stage by its own `limits`",
-                unless=("TS420",),
-            )
-        return
-    yield warning(
-        "TS426",
-        f"stage {stage.name!r} is to go at {show(peak, 'mm/s', 3)}, and the limit on speed is "
-        f"{show(most, 'mm/s', 3)}: a tip overshoots its reference by some percent",
-        motion_of(stage),
-        f"leave room up to {show((1 + _OVERSHOOT) * peak, 'mm/s', 3)}, or move slower",
-        unless=("TS420",),
-    )
-
-
-def _fastest(stage: StagePlan) -> float:
-    """How fast the references of a stage take the tip [m/s], as far as that is predicted."""
-    passage = stage.nominal.passage
-    instants = () if passage is None else passage.instants
-    walked = max((float(np.linalg.norm(i.twist[:3])) for i in instants), default=0.0)
-    ends = passage is not None and passage.end is not End.OPEN
-    way = approach(stage, stage.nominal.gap)
-    # What touches before its rate is risen never comes to it.
-    touches = way is not None and way.gap is not None and way.gap < BLEND_TIME * way.closing
-    if ends or touches or stage.frame.at_origin:
-        return walked
-    return max(walked, float(np.linalg.norm(rates_of(stage))))
-
-
-def _turned(stage: StagePlan, most: float) -> tuple[float, float] | None:
-    """When [s] a turn about a point away from the tip first takes that along too fast [m/s]."""
-    passage = stage.nominal.passage
-    moving = [a for a in moving_axes(stage.spec) if not a.is_rotation]
-    if passage is None or moving or stage.spec.path:
-        return None
-    speeds = ((i.time, float(np.linalg.norm(i.twist[:3]))) for i in passage.instants[1:])
-    return next((each for each in speeds if each[1] > most), None)
-
-
-def _unplaced(stage: StagePlan) -> tuple[float, float] | None:
-    """When [s] and how fast [m/s] a stage is fastest that begins where nobody knows."""
-    modes = [entry.mode for entry in stage.spec.axes.values()]
-    placed = any(mode.placed for mode in modes) or stage.path is not None
-    if stage.nominal.course is not None or placed:
-        return None
-    course = course_of(stage, dict.fromkeys(AXES, 0.0), {})
-    return None if course is None else course.fastest()
-
-
-@rule("TS421", "a motion that leads out of reach")
+@rule("TS421", "a motion that leads out of reach", predicts=("TS421",))
 def out_of_reach(stage: StagePlan) -> Iterator[Finding]:
     """Motions that lead where the arm cannot be."""
     spec, frame, own = stage.spec, stage.frame, FILE.stages[stage.name]

@@ -1,4 +1,4 @@
-"""Guards that can never hold, that hold from the beginning, or whose force has the wrong sign."""
+"""Guards that no values of their signals make hold: by their numbers, or by the force's sign."""
 
 from __future__ import annotations
 
@@ -6,156 +6,77 @@ import math
 import re
 from collections.abc import Iterator
 
-import numpy as np
-
-from taskspec.foresight.conditions import names, parts, value_of
-from taskspec.foresight.nominal import AT_SURFACE
-from taskspec.foresight.ranges import Ranges
 from taskspec.geometry.axis import Axis
 from taskspec.program.axes import MOSTLY
-from taskspec.program.flow import leading_to
-from taskspec.program.held_part import HeldPart
-from taskspec.program.interval import Interval, IntervalAlgebra, point
+from taskspec.program.conditions import parts, value_of
+from taskspec.program.interval import ANY, Interval, IntervalAlgebra
 from taskspec.program.plan import StagePlan
-from taskspec.program.signals import entry_of
+from taskspec.program.signals import constant, entry_of, natural
 from taskspec.rules import Finding, rule, warning
-from taskspec.signals.entries import TOUCHING
-from taskspec.signals.table import WRENCH
+from taskspec.signals import CLOCKS
 from taskspec.text.diagnostic import Severity
-from taskspec.text.expression import Expression, evaluate
+from taskspec.text.expression import Expression
 from taskspec.text.expression.tree import Compare, Held, Name, Node, walk
 from taskspec.text.units import show
 
-#: Of the time for which a guard is to hold, what is left once the set points are there.
-_SETTLED = 2.0
-#: By this share what is carried may weigh more or less, as the arm sets off or gives way.
-_SWAYS = 0.1
 #: Another object may push the other way from this share of its normal on.
 _SLIGHTLY = 0.1
 
 
-@rule(
-    {
-        "TS611": "a guard that can never hold",
-        "TS612": "a guard whose force has the wrong sign",
-        "TS613": "a guard that holds before anything is touched",
-        "TS618": "a failure that the set point brings about",
-    }
-)
-def useless_guards(stage: StagePlan) -> Iterator[Finding]:
-    """Guards that cannot do what they are for: of each, the first reason that applies."""
-    name = stage.name
+@rule("TS612", "a guard that no values of its signals make hold")
+def impossible_guards(stage: StagePlan) -> Iterator[Finding]:
+    """Guards that exclude themselves, or wait for a force of the wrong sign."""
     algebra = IntervalAlgebra(stage.longest)
     for key, guard in (("until", stage.spec.until), ("fail_if", stage.spec.fail_if)):
         if guard is None:
             continue
-        ranges = Ranges(stage)
-        if _never(guard.tree, algebra, ranges):
-            yield _impossible(stage, key, guard, algebra, ranges)
-            continue
         signs = _signs(stage)
-        if signs and value_of(guard.tree, algebra, Ranges(stage, signs)).never:
-            yield _wrong_sign(name, guard, signs)
-        elif _always(guard.tree, algebra, ranges):
-            yield warning(
-                "TS613",
-                f"this always holds, so stage {name!r} ends as it begins",
-                guard.span,
-                "turn the relation round, or leave the guard out",
-            )
-        elif key == "fail_if" and _held_by_set_points(stage, guard, algebra):
-            yield warning(
-                "TS618",
-                f"stage {name!r} fails as soon as it has its set points: this holds there",
-                guard.span,
-                "let it begin beyond them, or lower the set points",
-            )
-        elif _apart(stage) and _holds_untouched(stage, guard, algebra):
-            yield warning(
-                "TS613",
-                f"this holds as soon as stage {name!r} begins, when nothing is touched yet",
-                guard.span,
-                "turn the relation round, or the sign of what it compares with",
-            )
-        elif key == "until" and (before := _pressed_before(stage, guard, algebra)):
-            yield warning(
-                "TS613",
-                f"this holds as soon as stage {name!r} begins: {before!r} before it presses with "
-                "the same forces already",
-                guard.span,
-                f"wait for more than {before!r} presses with, or for something else",
-            )
-        elif (part := _hanging(stage)) and _holds_carrying(stage, guard, algebra, part):
-            weight = show(float(np.linalg.norm(part.weight)), "N", 3)
-            yield warning(
-                "TS613",
-                f"this holds as soon as stage {name!r} begins: {part.name!r} weighs {weight}, "
-                "which the robot applies from the first tick on",
-                guard.span,
-                "wait for more than the weight, or tare the sensor in a stage before this one",
-            )
+        possible = _Possible(stage, {})
+        if value_of(guard.tree, algebra, possible).never:
+            yield _impossible(stage, key, guard, algebra, possible)
+        elif signs and value_of(guard.tree, algebra, _Possible(stage, signs)).never:
+            yield _wrong_sign(stage.name, guard, signs)
+
+
+class _Possible:
+    """The interval of each signal of a stage that is possible whatever moves [SI]."""
+
+    def __init__(self, stage: StagePlan, known: dict[str, Interval]) -> None:
+        self._stage, self._known = stage, known
+
+    def __call__(self, name: Name) -> Interval:
+        if str(name) in self._known:
+            return self._known[str(name)]
+        found = entry_of(self._stage.context.loaded.task, name.path)
+        if found is None:
+            return constant(self._stage.context, name) or ANY
+        if found.signal is CLOCKS["t"]:
+            return Interval(0.0, self._stage.longest)
+        return natural(found)
 
 
 def _impossible(
-    stage: StagePlan, key: str, guard: Expression, algebra: IntervalAlgebra, ranges: Ranges
+    stage: StagePlan, key: str, guard: Expression, algebra: IntervalAlgebra, possible: _Possible
 ) -> Finding:
     inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
-    culprit = next((p for p in parts(inner) if _never(p, algebra, ranges)), None)
-    reasons = [reason for n in names(culprit or inner) if (reason := ranges.why(n))]
-    if culprit is None:
-        reasons = ["its conditions exclude each other"]
-    end = stage.longest
-    if isinstance(guard.tree, Held) and guard.tree.amount.value_si > end:
+    culprit = next((p for p in parts(inner) if value_of(p, algebra, possible).never), None)
+    reason = "no values of its signals make it true"
+    if isinstance(guard.tree, Held) and guard.tree.amount.value_si > stage.longest:
         culprit = guard.tree
-        most = show(end - stage.context.period, "s")
-        reasons = [f"the stage ends after {most} at the latest"]
-    reason = f": {reasons[0]}" if reasons else ": no values of its signals make it true"
-    effect = "so the stage can only fail" if key == "until" else "so it does nothing"
+        most = show(stage.longest - stage.context.period, "s")
+        reason = f"the stage ends after {most} at the latest"
+    elif culprit is None:
+        reason = "its conditions exclude each other"
     # A file that says where to go on after a failure may still come to a good end.
     refused = key == "until" and stage.spec.on_fail in (None, "fail")
-    refused = refused and not _on_a_knob_that_turns(stage, culprit or inner)
+    effect = "so the stage can only fail" if key == "until" else "so it does nothing"
     return Finding(
-        "TS611",
-        f"{key!r} of stage {stage.name!r} can never hold{reason}, {effect}",
+        "TS612",
+        f"{key!r} of stage {stage.name!r} can never hold: {reason}, {effect}",
         guard.where(culprit or inner),
         "change the number that it compares with, or the bound that it never gets to",
         severity=Severity.ERROR if refused else Severity.WARNING,
     )
-
-
-def _on_a_knob_that_turns(stage: StagePlan, guard: Node) -> bool:
-    """Whether a guard waits for how far a mechanism goes on whose knob the hand may turn.
-
-    How a turn of the hand is shared between knob and mechanism, what each resists with decides.
-    """
-    mechanisms = stage.context.loaded.task.mechanisms
-    held = {name.path[0] for name in names(guard)} & mechanisms.keys()
-    return any(mechanisms[name].knob == "free" for name in held)
-
-
-def _never(node: Node, algebra: IntervalAlgebra, ranges: Ranges) -> bool:
-    return value_of(node, algebra, ranges, ranges.magnitudes(node)).never
-
-
-def _always(node: Node, algebra: IntervalAlgebra, ranges: Ranges) -> bool:
-    """Whether a guard holds whatever its signals are, from the first tick on."""
-    inner = node.x if isinstance(node, Held) else node
-    return evaluate(inner, algebra, ranges).always
-
-
-def _held_by_set_points(stage: StagePlan, guard: Expression, algebra: IntervalAlgebra) -> bool:
-    """Whether a guard holds at the forces which the stage's loops are to reach and keep."""
-    if not stage.law.control_law.force_loop:
-        return False
-    node = guard.tree
-    if isinstance(node, Held):
-        rises = [entry.set_point.rise for entry in stage.spec.axes.values() if entry.set_point]
-        if stage.longest < max(rises, default=0.0) + _SETTLED * node.amount.value_si:
-            return False
-        node = node.x
-    reached = {f"{a.effort}.{a}": point(value) for a, value in stage.set_points.items()}
-    used = {str(n) for n in names(guard.tree)}
-    return bool(used & reached.keys()) and evaluate(node, algebra, Ranges(stage, reached)).always
 
 
 def _signs(stage: StagePlan) -> dict[str, Interval]:
@@ -168,10 +89,13 @@ def _signs(stage: StagePlan) -> dict[str, Interval]:
         return {}
     signs = {}
     for axis in stage.spec.axes:
-        contact = stage.contact_of(axis) if axis in stage.translations else None
+        contact = stage.contacts.of(axis) if axis in stage.translations else None
         if contact is None:
             continue
-        along = {o: stage.along(axis, stage.normal_of(o)) for o in stage.context.start_normals}
+        along = {
+            o: stage.kinematics.along(axis, stage.contacts.normal(o))
+            for o in stage.context.start_normals
+        }
         own = along[contact]
         towards = _direction(stage, axis)
         others = any(a * own < -_SLIGHTLY * abs(own) for a in along.values())
@@ -186,7 +110,7 @@ def _signs(stage: StagePlan) -> dict[str, Interval]:
 def _direction(stage: StagePlan, axis: Axis) -> float:
     """Which way along an axis a stage moves or presses, as far as it is constant; else 0."""
     heading = stage.spec.axes[axis].mode.heading(stage.known)
-    return heading if heading is not None else stage.set_point_of(axis) or 0.0
+    return heading if heading is not None else stage.set_points.of(axis) or 0.0
 
 
 def _wrong_sign(name: str, guard: Expression, signs: dict[str, Interval]) -> Finding:
@@ -229,74 +153,3 @@ def _negated(guard: Expression, node: Node) -> str:
     if text.startswith("-"):
         return text[1:].strip()
     return f"-{text}" if re.fullmatch(r"[\w.]+( ?[\w*/^]+)?", text) else f"-({text})"
-
-
-def _apart(stage: StagePlan) -> bool:
-    """Whether a stage starts apart from everything that could be felt."""
-    task, gap = stage.context.loaded.task, stage.nominal.gap
-    if task.robot.grasp is not None or task.equations or gap is None:
-        return False
-    return gap > AT_SURFACE and len(stage.context.start_gaps) == 1
-
-
-def _holds_untouched(stage: StagePlan, guard: Expression, algebra: IntervalAlgebra) -> bool:
-    """Whether a guard holds whatever its signals are, if nothing is felt."""
-    task = stage.context.loaded.task
-    contact_signals = {
-        str(n): point(0.0)
-        for n in names(guard.tree)
-        if (entry := entry_of(task, n.path)) is not None and entry.signal.sensed == WRENCH
-    }
-    inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
-    return evaluate(inner, algebra, Ranges(stage, contact_signals)).always
-
-
-def _pressed_before(stage: StagePlan, guard: Expression, algebra: IntervalAlgebra) -> str:
-    """The stage before one whose set points make its guard hold as it begins; empty for none.
-
-    It has the same set points on the same axes, so that the force is there when they are handed
-    over.
-    """
-    task, node = stage.context.loaded.task, guard.tree
-    if isinstance(node, Held) or not stage.law.control_law.force_loop or stage.spec.tare:
-        return ""
-    before = leading_to(task.stages, stage.name)
-    if len(before) != 1 or any(each.on_fail == stage.name for each in task.stages.values()):
-        return ""
-    previous = StagePlan(stage.context, before[0])
-    if previous.frame.name != stage.frame.name or previous.law.kind != stage.law.kind:
-        return ""
-    kept = {
-        f"{a.effort}.{a}": point(value)
-        for a, value in stage.set_points.items()
-        if previous.set_points.get(a) == value
-    }
-    used = {str(n) for n in names(node)}
-    holds = bool(used & kept.keys()) and evaluate(node, algebra, Ranges(stage, kept)).always
-    return before[0] if holds else ""
-
-
-def _hanging(stage: StagePlan) -> HeldPart | None:
-    """The loose body whose weight the tool bears as the run begins with this stage."""
-    task = stage.context.loaded.task
-    if stage.name != next(iter(task.stages)) or task.equations or stage.spec.tare:
-        return None
-    part = HeldPart.of(stage.context)
-    return part if part is not None and part.hangs else None
-
-
-def _holds_carrying(
-    stage: StagePlan, guard: Expression, algebra: IntervalAlgebra, part: HeldPart
-) -> bool:
-    """Whether a guard holds with the weight of what is held, whatever the other signals are."""
-    weight = float(np.linalg.norm(part.weight))
-    known = {
-        "touching": Interval(*(float(s * weight > TOUCHING) for s in (1 - _SWAYS, 1 + _SWAYS)))
-    }
-    for axis, force in zip("xyz", stage.rotation.T @ part.weight, strict=True):
-        ends = sorted(((1 - _SWAYS) * float(force), (1 + _SWAYS) * float(force)))
-        known[f"force.{axis}"] = Interval(*ends)
-    inner = guard.tree.x if isinstance(guard.tree, Held) else guard.tree
-    if any(n.frame is not None for n in names(inner)):
-        return False
-    return evaluate(inner, algebra, Ranges(stage, known)).always

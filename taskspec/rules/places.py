@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from taskspec.foresight.course import moving_axes
 from taskspec.program.plan import StagePlan
+from taskspec.program.walk.course import moving_axes
 from taskspec.spec import FILE, KeyPath, key_of
 
 

@@ -27,17 +27,17 @@ _DECIDED = 0.1
 _FLAT = 1e-3
 
 
-@rule("TS321", "a motion into a surface")
+@rule("TS321", "a motion into a surface", predicts=("TS321",))
 def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
     """Motion axes that lead into the nominal contact, and how hard they press."""
-    contact, walked = stage.contact, stage.nominal
+    contact, walked = stage.contacts.main, stage.nominal
     if not _way(stage) or contact is None or walked.gap is None or walked.start is None:
         return
     if stage.frame.at_origin or not stage.translations:
         return
     if stage.context.loaded.task.shapes[contact].on is not None:
         return  # It goes on its mechanism's way: what then resists is run ahead.
-    normal = stage.normal_of(contact)
+    normal = stage.contacts.normal(contact)
     along = {a: abs(float(walked.rotation[:, a.column] @ normal)) for a in stage.translations}
     axis = max(along, key=lambda a: along[a])
     entry = stage.spec.axes.get(axis)
@@ -48,7 +48,7 @@ def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
     if depth <= max(0.0, begun) or (entry is not None and entry.stiffness is not None):
         return
     own = stage.spring_of(axis)
-    k = stage.stiffness
+    k = stage.environment.stiffness
     force = depth * own * k / (own + k)
     if force > TOUCHING:
         yield warning(
@@ -64,7 +64,8 @@ def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
     {
         "TS323": "a motion that leaves a constraint",
         "TS324": "a motion to where a constraint has no gradient",
-    }
+    },
+    predicts=("TS323", "TS324"),
 )
 def motions_off_an_equation(stage: StagePlan) -> Iterator[Finding]:
     """Ways that leave an equation which holds, or on which one has no gradient: the first place.

@@ -48,7 +48,6 @@ class Phase(IntEnum):
             be told.
         RUN: of the task, after its stages.
         STABILITY: of a task without an error so far.
-        REHEARSAL: of a task without an error so far, when all else has been told of it.
     """
 
     VARIATIONS = 0
@@ -59,7 +58,6 @@ class Phase(IntEnum):
     MOTION = 5
     RUN = 6
     STABILITY = 7
-    REHEARSAL = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +70,8 @@ class Rule:
         also: further codes that it reports.
         phase: when it is asked.
         bars: behind an error of its own no plant can be built, so that `force` does not lift it.
+        predicts: those of its codes that say how the run of the file's own world ends: a
+            warning by one of them is a remark where a trial of that world ends well.
     """
 
     check: Callable[[Any], Iterable[Finding]]
@@ -79,6 +79,7 @@ class Rule:
     also: tuple[str, ...]
     phase: Phase
     bars: bool = False
+    predicts: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -122,6 +123,7 @@ def rule(
     also: tuple[str, ...] = (),
     phase: Phase = Phase.MOTION,
     bars: bool = False,
+    predicts: tuple[str, ...] = (),
 ) -> Callable[[Check], Check]:
     """Registers a function as a rule.
 
@@ -131,6 +133,7 @@ def rule(
         also: codes that it reports and that are registered elsewhere.
         phase: when it is asked.
         bars: behind an error of its own no plant can be built, so that `force` does not lift it.
+        predicts: those of its codes that a trial confirms or refutes, as `Rule` has them.
 
     Raises:
         ValueError: a code is registered already.
@@ -139,7 +142,7 @@ def rule(
     register(titles)
 
     def enter(check: Check) -> Check:
-        RULES.append(Rule(check, titles, also, phase, bars))
+        RULES.append(Rule(check, titles, also, phase, bars, predicts))
         return check
 
     return enter
@@ -148,6 +151,11 @@ def rule(
 def rule_of(code: str) -> Rule | None:
     """The rule to which a code belongs; None where it is reported while a file is read."""
     return next((each for each in RULES if code in each.titles), None)
+
+
+def predicted(code: str) -> bool:
+    """Whether a warning by a code says how the run of the file's own world ends."""
+    return any(code in each.predicts for each in RULES)
 
 
 def apply_rules(phase: Phase, plan: object, loaded: LoadedTask, diagnostics: Diagnostics) -> bool:

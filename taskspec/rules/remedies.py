@@ -6,13 +6,13 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from taskspec.analysis.budget import Budget
-from taskspec.analysis.gain_paths import gain_path, law_path, together, turns
-from taskspec.analysis.margin import PROPOSED, QUIET, STABLE, Limit, Search
-from taskspec.analysis.sampled_stage import SampledStage
 from taskspec.laws.law import gain_named
 from taskspec.program.context import Context
 from taskspec.spec import FILE, KeyPath, Task
+from taskspec.stability.budget import Budget
+from taskspec.stability.gain_paths import gain_path, law_path, together, turns
+from taskspec.stability.margin import PROPOSED, QUIET, STABLE, Limit, Search
+from taskspec.stability.sampled_stage import SampledStage
 from taskspec.text.units import inside, number, sensible, show
 
 #: No more gain changes of a stage are proposed than these.

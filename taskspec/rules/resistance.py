@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from taskspec.foresight.resistance import resists
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.orientation import representation_of
 from taskspec.rules import Finding, info, rule
 from taskspec.spec import FILE, KeyPath, key_of
+from taskspec.statics.resistance import resists
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import FORCE, show
 

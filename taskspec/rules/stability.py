@@ -9,23 +9,9 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from taskspec.analysis.budget import Budget
-from taskspec.analysis.corners import Corner, at, corners, ends
-from taskspec.analysis.environment import linear_plant
-from taskspec.analysis.loop import FARTHEST, Mode, Poles, UnfitError
-from taskspec.analysis.margin import (
-    LEAST_DAMPING_RATIO,
-    LEAST_GROWTH,
-    QUICK,
-    Search,
-    grows,
-    near_boundary,
-    rings,
-)
-from taskspec.analysis.plant import LinearPlant, pressing
-from taskspec.analysis.sampled_stage import SampledStage, control_of, loop_of
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
+from taskspec.program.components import ends
 from taskspec.program.context import Context
 from taskspec.program.flow import followers, reached
 from taskspec.program.passage import End, Instant
@@ -35,6 +21,21 @@ from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.rules.remedies import place_of, remedies, text_of
 from taskspec.rules.set_points import in_the_air
 from taskspec.spec import FILE, KeyPath, Task
+from taskspec.stability.budget import Budget
+from taskspec.stability.corners import Corner, at, corners
+from taskspec.stability.environment import linear_plant
+from taskspec.stability.loop import FARTHEST, Mode, Poles, UnfitError
+from taskspec.stability.margin import (
+    LEAST_DAMPING_RATIO,
+    LEAST_GROWTH,
+    QUICK,
+    Search,
+    grows,
+    near_boundary,
+    rings,
+)
+from taskspec.stability.plant import LinearPlant, pressing
+from taskspec.stability.sampled_stage import SampledStage, control_of, loop_of
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import FREQUENCY, TIME, number, scaled, show
 
@@ -129,6 +130,7 @@ _STEADY, _DOUBLINGS = 1e-3, 5.0
     },
     also=("TS307",),
     phase=Phase.STABILITY,
+    predicts=("TS501", "TS502", "TS505", "TS506", "TS507"),
 )
 def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
     """Stages that are predicted to be unstable or to ring, each way of control once."""
@@ -196,7 +198,7 @@ def _where_it_leads(
 ) -> Iterator[Finding] | None:
     """What is unstable where the way of a stage leads, if that is far; None where nothing is."""
     passage = stage.nominal.passage if stage.followed else None
-    if passage is None or not (analysed.pressed or stage.held):
+    if passage is None or not (analysed.pressed or stage.contacts.held):
         return None
     if passage.end not in _GOES_THERE:
         return None  # What stops the run on its way is told by itself.
@@ -256,7 +258,7 @@ def _unresolved(analysed: SampledStage, here: Instant) -> Iterator[Finding]:
 
 def _stays_off(stage: StagePlan, analysed: SampledStage) -> bool:
     """Whether a stage never gets to the only contact that it is analysed on."""
-    if not stage.followed or [*analysed.pressed] != [stage.contact]:
+    if not stage.followed or [*analysed.pressed] != [stage.contacts.main]:
         return False
     return any(gap > speed * stage.longest for _, gap, speed in in_the_air(stage))
 
@@ -300,7 +302,7 @@ def _in_the_world_of_the_file(
     if stuck is None:
         return None
     found = [mode for mode in _swinging(sticking, shared) if not _flips(mode, analysed)]
-    pushed = analysed.stage.plan.set_points
+    pushed = analysed.stage.plan.set_points.constant
     ringing = ringing_of(
         [m for m in found if stuck.axis(m, sticking) in pushed or rings(m, _QUICK_STUCK)]
     )
@@ -356,13 +358,13 @@ def stays_put(analysed: SampledStage) -> bool:
     forced = [
         a for a in stage.translations if a in stage.spec.axes and stage.spec.axes[a].has_force
     ]
-    wanted = [stage.set_point_of(axis) for axis in forced]
+    wanted = [stage.set_points.of(axis) for axis in forced]
     if None in wanted or len(analysed.pressed) != 1:
         return False
     [name] = analysed.pressed
     if not forced or name not in context.surfaces:
         return False
-    normal = stage.normal_of(name)
+    normal = stage.contacts.normal(name)
     ways = np.vstack([-normal, np.linalg.svd(normal[None, :])[2][1:]])
     rows = (ways @ analysed.rotation[:, [axis.row for axis in forced]]).T
     # Of all such forces the one that is least across: along the normal it counts for nothing.
@@ -396,7 +398,8 @@ def _in_contact(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
 
 def _in_other_worlds(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
     """The worst world that `truth` and `vary` allow, if the stage is unstable or rings there."""
-    objects = [*analysed.pressed, *([analysed.stage.plan.held] if analysed.stage.plan.held else [])]
+    held = analysed.stage.plan.contacts.held
+    objects = [*analysed.pressed, *([held] if held else [])]
     unstable: tuple[float, Corner] | None = None
     ringing: tuple[float, Corner] | None = None
     for corner in corners(shared.context, objects, shared.worlds):

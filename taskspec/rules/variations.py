@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec.analysis.corners import ends, nominal
+from taskspec.program.components import ends, nominal
 from taskspec.program.plan import TaskPlan
 from taskspec.program.world.holding import truly_holding
 from taskspec.robot import RobotError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taskspec.analysis.loop import DrivenStep, _followed
+from taskspec.stability.loop import DrivenStep, _followed
 
 
 def one_by_one(steps, hold, start, pushes):

@@ -15,11 +15,12 @@ from pathlib import Path
 
 import pytest
 
-from taskspec.examination import Examination, examine
+from taskspec.examined import Examination
 from taskspec.spec import load_task
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.render import render
 from taskspec.text.source import Source
+from taskspec_runner.trial.check import check
 
 FOLDER = Path(__file__).parent
 ERRORS = sorted((FOLDER / "err").glob("*.yaml"))
@@ -40,7 +41,7 @@ def examined(path: Path) -> Examination:
     Raises:
         SpecError: it does not read without an error.
     """
-    return examine(load_task(path, overrides_of(path)))
+    return check(load_task(path, overrides_of(path)))
 
 
 @cache

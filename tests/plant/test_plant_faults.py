@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taskspec.analysis.worlds import true_world
 from taskspec.compiler import compile_task
 from taskspec.faults import ENCODER, KINDS, SENSOR, Shown, kinds_of
+from taskspec.program.worlds import true_world
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec.text.units import ANGLE, ANGULAR_VELOCITY, FORCE, NUMBER, TIME, Quantity

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taskspec.foresight.conditions import value_of
+from taskspec.program.conditions import value_of
 from taskspec.program.interval import ANY, MAYBE, NEVER, Interval, IntervalAlgebra
 from taskspec.text.expression import FloatAlgebra, evaluate, parse
 

@@ -6,16 +6,17 @@ import itertools
 
 import pytest
 
-from taskspec.analysis.budget import Budget
-from taskspec.analysis.corners import corners
-from taskspec.analysis.family import Family
-from taskspec.analysis.margin import rings
-from taskspec.analysis.sampled_stage import analyse
 from taskspec.examination import check_task
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
+from taskspec.program.stages.stage import compile_stage
 from taskspec.rules.stability import Plants
 from taskspec.spec import load_text
+from taskspec.stability.budget import Budget
+from taskspec.stability.corners import corners
+from taskspec.stability.family import Family
+from taskspec.stability.margin import rings
+from taskspec.stability.sampled_stage import analyse
 
 TASK = """
 taskspec: 1
@@ -39,7 +40,7 @@ def test_the_world_that_is_told_is_the_worst_of_all(latest, code):
     """Held against every corner's modes, each with a plant of its own."""
     law = "{kind: hybrid, force: {integral: 18 /s, damping: 100 N*s/m}}"
     text = TASK.format(law=law, stages=PRESS).replace("0..6 ms", f"0..{latest} ms")
-    seen = analyse(StagePlan(prepare(load_text(text, "t")), "go"))
+    seen = analyse(compile_stage(StagePlan(prepare(load_text(text, "t")), "go")))
     plants, bad = Plants(), {}
     for corner in corners(seen.context, ["table"], Budget(100)):
         plain = seen.modes(corner.task)

@@ -1,6 +1,6 @@
 """Long runs lie in files that are mapped into memory; every number is as without them.
 
-`tests/campaigns/long_runs.py` measures an hour.
+`campaigns/long_runs.py` measures an hour.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from taskspec.examination import check_task
-from taskspec.foresight.nominal import plan_task
+from taskspec.planning import plan_task
 from taskspec.spec import load_text
 
 TASK = """

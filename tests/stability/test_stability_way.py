@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taskspec.examination import check_task
-from taskspec.foresight.nominal import plan_task
+from taskspec.planning import plan_task
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import Diagnostic
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from taskspec.analysis.worlds import random_world
 from taskspec.compiler import compile_task
 from taskspec.native import code, rows
 from taskspec.native.engine import available
+from taskspec.program.worlds import random_world
 from taskspec.spec import load_task
 from taskspec_runner.sweep.world_run import run_world
 
@@ -38,7 +38,7 @@ expect: [max(norm(force)) < 12 N]
 
 GROWTH = """
 import sys
-from taskspec.analysis.worlds import random_world
+from taskspec.program.worlds import random_world
 from taskspec.compiler import compile_task
 from taskspec.spec import load_text
 from taskspec_runner.sweep.world_run import run_world

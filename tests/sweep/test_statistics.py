@@ -8,8 +8,8 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from taskspec.analysis.worlds import random_world
 from taskspec.compiler import compile_task
+from taskspec.program.worlds import random_world
 from taskspec.spec import load_text
 from taskspec.spec.sweep import RateExpectation
 from taskspec_runner.sweep.statistics import Rate, influences, ranks, regions

@@ -9,7 +9,8 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from taskspec.analysis.worlds import (
+from taskspec.compiler import compile_task
+from taskspec.program.worlds import (
     corner_count,
     corner_world,
     deviations,
@@ -20,7 +21,6 @@ from taskspec.analysis.worlds import (
     true_world,
     world_from,
 )
-from taskspec.compiler import compile_task
 from taskspec.spec import load_text
 from taskspec_runner.loop.assembly import assemble
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from taskspec.analysis.gain_paths import turns
 from taskspec.laws.law import gain_named
 from taskspec.program.program import Program
+from taskspec.stability.gain_paths import turns
 
 
 def stage_gains(program: Program) -> dict[str, list[dict[str, Any]]]:

@@ -19,8 +19,8 @@ from taskspec_runner.compare.tracking import KINDS, best
 from taskspec_runner.pages.document import (
     DASH,
     Cell,
-    Column,
-    Row,
+    Cells,
+    Heading,
     document,
     head,
     in_unit,
@@ -45,7 +45,7 @@ Json = Mapping[str, Any]
 #: Ranks that the headline names.
 _PODIUM = 3
 _WORDS = {"rms_error": "RMS", "max_error": "peak", "final_error": "final"}
-_LAW = Column("Law", "law")
+_LAW = Heading("Law", "law")
 
 
 def write_comparison(comparison: Comparison, folder: Path) -> Path:
@@ -143,7 +143,7 @@ def _laws(comparison: Comparison) -> Markup:
     return section(
         f"As written and {others} law{'s' if others != 1 else ''}: {outcomes}",
         table(
-            [_LAW, right("Rank"), "Equations", "Outcome", *numbers, Column("Why", "why"), ""],
+            [_LAW, right("Rank"), "Equations", "Outcome", *numbers, Heading("Why", "why"), ""],
             rows,
             "laws",
         ),
@@ -168,7 +168,7 @@ def _stage(comparison: Comparison, stage: str) -> Markup:
         cells = [_error(row, column, least=law in leaders[column]) for column in columns]
         lasted = seconds(row["duration"] if row else None)
         look = "" if row and row["planned"] else "broken"
-        shown.append(Row([_name(comparison, law), *cells, lasted], look))
+        shown.append(Cells([_name(comparison, law), *cells, lasted], look))
     heads = (right(f"{kind} {_WORDS[statistic]}") for kind, statistic in columns)
     axes = comparison.summary["force_axes"].get(stage)
     forces = f": force on {', '.join(axes)}" if axes else ""

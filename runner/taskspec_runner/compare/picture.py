@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from taskspec_runner.compare.charts import main_charts
 from taskspec_runner.compare.comparison import Comparison, Json
 from taskspec_runner.compare.overlay import CUT_SHORT, Overlay, overlay, role
-from taskspec_runner.pages.picture import Entry, picture_svg
+from taskspec_runner.pages.picture import LegendEntry, picture_svg
 
 
 def comparison_svg(comparison: Comparison) -> str:
@@ -46,7 +46,7 @@ def counted(words: Sequence[str]) -> str:
     return ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
 
 
-def _entry(law: Json) -> Entry:
+def _entry(law: Json) -> LegendEntry:
     style = ("line" if law["force_loop"] else "loopless") if law["folder"] else ""
     outcome, reason = str(law["outcome"]), str(law["reason"])
     ending = outcome
@@ -56,4 +56,4 @@ def _entry(law: Json) -> Entry:
         ending = f"{outcome} {reason.partition(' at ')[0].replace('stage ', '')}"
     elif law.get("expected"):
         ending = f"{outcome}, {law['met']} of {law['expected']}"
-    return Entry(law["law"], role(law["law"]), style, ending, outcome)
+    return LegendEntry(law["law"], role(law["law"]), style, ending, outcome)

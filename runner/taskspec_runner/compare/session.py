@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 
-from taskspec.analysis.worlds import true_world
+from taskspec.program.worlds import true_world
 from taskspec_runner.compare.attempt import Attempt
 from taskspec_runner.errors import RunCrashedError
 from taskspec_runner.record.folder import RunFolder

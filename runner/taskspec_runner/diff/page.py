@@ -16,8 +16,8 @@ from taskspec_runner.diff.difference import NAMES, Difference
 from taskspec_runner.diff.sentences import largest_text, parting
 from taskspec_runner.pages.document import (
     DASH,
-    Column,
-    Row,
+    Cells,
+    Heading,
     document,
     fold,
     head,
@@ -95,9 +95,9 @@ def _name(name: str) -> Markup:
     return joined(swatch(role(name), dashed=name == NAMES[1]), name)
 
 
-def _names(look: str = "") -> list[Column]:
+def _names(look: str = "") -> list[Heading]:
     """The columns of both runs."""
-    return [Column(_name(name), look) for name in NAMES]
+    return [Heading(_name(name), look) for name in NAMES]
 
 
 def _outcome(verdict: str) -> Markup:
@@ -121,7 +121,7 @@ def _expectations(data: Json) -> Markup:
         return joined(said, " ", prose(each["explanation"]))
 
     rows = (
-        Row(
+        Cells(
             [named(row.get("name", ""), row["text"]), told(row["a"]), told(row["b"])],
             "same" if row["same"] else "",
         )
@@ -133,11 +133,12 @@ def _expectations(data: Json) -> Markup:
 def _facts(data: Json) -> Markup:
     """Outcome, inputs and the versions that differ."""
     rows = [
-        Row([row["name"], *(_text(row[side], row["unit"]) for side in ("a", "b"))], _look(row))
+        Cells([row["name"], *(_text(row[side], row["unit"]) for side in ("a", "b"))], _look(row))
         for row in (*data["outcome"], *data["inputs"])
     ]
     rows += [
-        Row([row["name"], row["a"] or DASH, row["b"] or DASH], "differ") for row in data["versions"]
+        Cells([row["name"], row["a"] or DASH, row["b"] or DASH], "differ")
+        for row in data["versions"]
     ]
     return section("Outcome", table(["", *_names()], rows, "long"))
 
@@ -153,12 +154,7 @@ def _logs(difference: Difference) -> Markup:
     """The columns that come apart first."""
     apart, only = difference.logs.apart, difference.data["log"]["only"]
     rows = [
-        [
-            code(x.name),
-            seconds(x.clock),
-            largest_text(x),
-            seconds(x.at if x.at == x.at else None),
-        ]
+        [code(x.name), seconds(x.clock), largest_text(x), seconds(x.at if x.at == x.at else None)]
         for x in apart[:LISTED]
     ]
     columns = map(right, ("First differs at", "Largest difference", "at"))
@@ -187,13 +183,13 @@ def _metrics(metrics: Sequence[Json]) -> Markup:
 
 
 def _table_of(rows: Sequence[Json]) -> Markup:
-    columns: list[Column | str] = [
+    columns: list[Heading | str] = [
         "Stage",
         "Signal",
         "Metric",
         *_names("n"),
         right("Change"),
-        Column("Share", "n"),
+        Heading("Share", "n"),
     ]
     shown = (
         [

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.analysis.worlds import World, true_world
 from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.sensor_zero import SensorZero, sensor_zero
 from taskspec.program.program import Program
 from taskspec.program.world.holding import truly_holding
+from taskspec.program.worlds import World, true_world
 from taskspec_runner.link.robot import LinkError, RobotFacts, RobotLimits, Sample
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.plant.plant import Plant

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
-from taskspec.analysis.worlds import World, true_world
 from taskspec.control.qp.dual import dual_solver
 from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
 from taskspec.program.world.holding import truly_holding
+from taskspec.program.worlds import World, true_world
 from taskspec.robot import RobotError
 from taskspec_runner.errors import InputError
-from taskspec_runner.loop.fixed_step import Driven, Senses
+from taskspec_runner.loop.driven import Driven, Senses
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.log import Log

@@ -23,8 +23,7 @@ class Trace:
         values: (rows,) in the chart's unit.
         role: what its colour means.
         style: `line`, `reference` (dashed), `halo` (wide and pale, below the others), `faint`,
-            `predicted` (dashed), `loopless` (dashed, of a law without a force loop) or `bound`, of
-            an expectation.
+            `loopless` (dashed, of a law without a force loop) or `bound`, of an expectation.
         signal: its name in the log.
         continuous: whether it runs on through a change of stage.
         reference_of: label of the trace that it is the reference of and shares a legend entry with.
@@ -66,11 +65,11 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A value from `start` to `end` [s], in the chart's unit: a limit, or what was predicted.
+    """A value from `start` to `end` [s], in the chart's unit: a limit, or a value at rest.
 
     Attributes:
         start, end, value, kind, text: see above.
-        look: what tells it apart from others of its kind: `rest` or `peak`.
+        look: what tells it apart from others of its kind: `rest`.
     """
 
     start: float
@@ -88,7 +87,7 @@ class Chart:
     Attributes:
         key, title, unit, note: as shown.
         traces, bands: in drawing order.
-        levels: limits that must not be passed, and what was predicted.
+        levels: limits that must not be passed, and values at rest.
         always: values that always stay in view.
         factor: from SI to the unit; 0 where each trace has a factor of its own.
         log: whether its values are sizes over several orders.
@@ -125,7 +124,7 @@ class Section:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class Drawn:
     """A signal of a run that is to be drawn; attributes as of a `Trace`."""
 
     signal: str
@@ -140,7 +139,7 @@ def of_signals(
     run: Run,
     key: str,
     title: str,
-    lines: Iterable[Line],
+    lines: Iterable[Drawn],
     note: str = "",
     *,
     places: bool = False,

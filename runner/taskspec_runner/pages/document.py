@@ -33,8 +33,8 @@ _SCRIPTS = ("numbers", "svg", "chart", "save")
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
-    """A column of a table: its heading, and `n` for numbers or another look of its cells."""
+class Heading:
+    """The heading of a column, and `n` for numbers or another look of its cells."""
 
     title: str | Markup
     look: str = ""
@@ -50,20 +50,20 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
-    """A row of a table and what tells it from others."""
+class Cells:
+    """A row of a table, and what tells it from others."""
 
     cells: Sequence[object]
     look: str = ""
 
 
-def right(title: str) -> Column:
+def right(title: str) -> Heading:
     """A column of numbers."""
-    return Column(title, "n")
+    return Heading(title, "n")
 
 
 def table(
-    columns: Sequence[Column | str], rows: Iterable[Row | Sequence[object]], look: str = ""
+    columns: Sequence[Heading | str], rows: Iterable[Cells | Sequence[object]], look: str = ""
 ) -> Markup:
     """A table that scrolls where it is wide, and is a list of cards on a phone.
 
@@ -72,8 +72,8 @@ def table(
         rows: without one there is no table.
         look: `judged` where the first column is a mark, and other classes of the style sheet.
     """
-    heads = [c if isinstance(c, Column) else Column(c) for c in columns]
-    body = [_row(heads, row if isinstance(row, Row) else Row(row)) for row in rows]
+    heads = [c if isinstance(c, Heading) else Heading(c) for c in columns]
+    body = [_row(heads, row if isinstance(row, Cells) else Cells(row)) for row in rows]
     if not body:
         return Markup("")
     shown = [element("th", c.title, class_="n" if c.look == "n" else "") for c in heads]
@@ -85,7 +85,7 @@ def table(
     )
 
 
-def _row(heads: Sequence[Column], row: Row) -> Markup:
+def _row(heads: Sequence[Heading], row: Cells) -> Markup:
     cells = []
     for i, (head, each) in enumerate(zip(heads, row.cells, strict=True)):
         cell = each if isinstance(each, Cell) else Cell(each)

@@ -69,7 +69,7 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class Plane:
+class Panel:
     """A rectangle of a picture, and what lies at its edges.
 
     Attributes:
@@ -138,7 +138,7 @@ class Plane:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class LegendEntry:
     """A run in the legend.
 
     Attributes:
@@ -175,7 +175,7 @@ def picture_svg(
     time: Timeline | None,
     charts: Sequence[Chart],
     *,
-    legend: Sequence[Entry] = (),
+    legend: Sequence[LegendEntry] = (),
     square: Square | None = None,
     faults: Sequence[tuple[float, float]] = (),
     cut: Collection[str] = (),
@@ -203,13 +203,13 @@ def picture_svg(
         across = (time.start, time.end)
         for number, chart in enumerate(charts):
             y = top + number * (_PANEL + _TITLE)
-            plane = Plane(_LEFT, y, width, _PANEL, across, _range(chart, cut))
+            plane = Panel(_LEFT, y, width, _PANEL, across, _range(chart, cut))
             caption = _caption(chart, {each.name for each in legend}, faults)
             content.append(_text(20, y - (28 if number == 0 else 13), caption))
             content.append(_stages(plane, time, faults, names=number == 0))
             content.append(_panel(plane, chart, time, cut))
             bottom = y + _PANEL
-        axis = Plane(_LEFT, top, width, bottom - top, across, (0.0, 1.0))
+        axis = Panel(_LEFT, top, width, bottom - top, across, (0.0, 1.0))
         times = [(at, text) for at, text in ticks(*across, 8) if at <= across[1]]
         content.append(axis.scale_across(times, "s"))
     end = bottom
@@ -259,7 +259,7 @@ def _upright(chart: Chart, values: Any) -> Any:
     return np.log10(values) if chart.log else values
 
 
-def _panel(plane: Plane, chart: Chart, time: Timeline, cut: Collection[str]) -> Markup:
+def _panel(plane: Panel, chart: Chart, time: Timeline, cut: Collection[str]) -> Markup:
     marks = decades(*plane.up) if chart.log else ticks(*plane.up, 6)
     content: list[Markup] = []
     for band in chart.bands:
@@ -280,7 +280,7 @@ def _panel(plane: Plane, chart: Chart, time: Timeline, cut: Collection[str]) -> 
     return plane.scale_up(marks) + plane.inside(*content)
 
 
-def _points(plane: Plane, chart: Chart, trace: Trace, time: Timeline) -> Vector:
+def _points(plane: Panel, chart: Chart, trace: Trace, time: Timeline) -> Vector:
     """(k, 2) times and values of a trace, NaN where it has gaps."""
     run = time.runs[trace.run]
     values = _upright(chart, trace.values)
@@ -290,7 +290,7 @@ def _points(plane: Plane, chart: Chart, trace: Trace, time: Timeline) -> Vector:
     return np.column_stack([run.clock[rows] + time.begins[trace.run], shown])
 
 
-def _cross(plane: Plane, points: Vector, role: str) -> Markup:
+def _cross(plane: Panel, points: Vector, role: str) -> Markup:
     """A mark where the line of a run ends that was cut short; at the edge if it is out of view."""
     at, value = points[np.isfinite(points).all(axis=1)][-1]
     x, y = plane.x(at), float(np.clip(plane.y(value), plane.top + 5, plane.top + plane.height - 5))
@@ -323,7 +323,7 @@ def _caption(chart: Chart, known: Collection[str], faults: Sequence[object]) -> 
 
 
 def _stages(
-    plane: Plane, time: Timeline, faults: Sequence[tuple[float, float]], *, names: bool
+    plane: Panel, time: Timeline, faults: Sequence[tuple[float, float]], *, names: bool
 ) -> Markup:
     """The ground of each stage and of each fault, and a strip above it with the stage's name."""
     drawn = []
@@ -342,7 +342,7 @@ def _stages(
     return joined(*drawn)
 
 
-def _entry(number: int, each: Entry) -> Markup:
+def _entry(number: int, each: LegendEntry) -> Markup:
     x = 20 + (WIDTH - 40) / _COLUMNS * (number % _COLUMNS)
     y = _LEGEND + _ROW * (number // _COLUMNS)
     line = _line(f"M{_px(x)},{y - 4}h27", each.role, each.style) if each.style else None
@@ -359,7 +359,7 @@ def _square(square: Square, top: float) -> Markup:
     half = 0.56 * float(np.max(high - low))
     middle = (low + high) / 2
     (left, right), (foot, head) = ((float(m) - half, float(m) + half) for m in middle)
-    plane = Plane(WIDTH - _RIGHT - _SQUARE, top, _SQUARE, _SQUARE, (left, right), (foot, head))
+    plane = Panel(WIDTH - _RIGHT - _SQUARE, top, _SQUARE, _SQUARE, (left, right), (foot, head))
     title = joined(
         element("tspan", square.title, class_="ink"), element("tspan", square.unit, dx=5)
     )

@@ -18,7 +18,7 @@ from taskspec.text.characters import normal
 from taskspec_runner.record.names import LOG, SUMMARY, TASK
 
 if TYPE_CHECKING:
-    from taskspec.analysis.worlds import World
+    from taskspec.program.worlds import World
 from taskspec.program.program import Program
 
 #: 2 has checksums of the summary, of the files that a task draws on, and of itself.

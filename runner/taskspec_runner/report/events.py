@@ -7,7 +7,8 @@ from itertools import zip_longest
 
 from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.folder import Json
-from taskspec_runner.runs import Run, StageVisit
+from taskspec_runner.record.visits import StageVisit
+from taskspec_runner.runs import Run
 
 
 def events(run: Run) -> Iterator[Json]:

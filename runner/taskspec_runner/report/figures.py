@@ -13,8 +13,8 @@ from taskspec.signals import SCALARS
 from taskspec.text.units import LENGTH
 from taskspec_runner.pages.chart import (
     Chart,
+    Drawn,
     Level,
-    Line,
     Section,
     Trace,
     bands,
@@ -25,8 +25,8 @@ from taskspec_runner.pages.chart import (
 )
 from taskspec_runner.pages.numbers import figure, quantity, scale
 from taskspec_runner.record.history import Vector
-from taskspec_runner.report import predictions
 from taskspec_runner.report.expected import JUDGED, with_bounds
+from taskspec_runner.report.rest_levels import rest_levels
 from taskspec_runner.report.selection import selected
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.metrics import set_points
@@ -104,12 +104,12 @@ def _controlled(run: Run, name: str, on: str) -> Chart | None:
         f"{name}.ref",
         f"{what} {where} against its reference",
         [
-            *([Line(f"{name}.measured", "muted", "measured", "faint")] if shown else ()),
-            Line(name, _ROLES.get(on, on)),
-            Line(f"{name}.ref", "ink", "reference", "reference"),
+            *([Drawn(f"{name}.measured", "muted", "measured", "faint")] if shown else ()),
+            Drawn(name, _ROLES.get(on, on)),
+            Drawn(f"{name}.ref", "ink", "reference", "reference"),
         ],
     )
-    return None if chart is None else predictions.of_forces(run, chart, [name])
+    return chart and replace(chart, levels=tuple(rest_levels(run, [name], chart.factor)))
 
 
 def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | None:
@@ -135,9 +135,9 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
     note = limit_note(run, kind, run.units[names[0]], size([total]))
     # The band of an axis with a reference has a chart of its own.
     unbounded = [n for n in names if run.column(f"{n}.ref") is None]
-    bounds, limits = bands(run, unbounded, factor), levels(run, kind, factor, (1, -1))
-    chart = Chart(kind, title, unit, tuple(traces), note, bounds, limits, factor=factor)
-    return predictions.of_forces(run, chart, unbounded)
+    bounds = bands(run, unbounded, factor)
+    limits = (*levels(run, kind, factor, (1, -1)), *rest_levels(run, unbounded, factor))
+    return Chart(kind, title, unit, tuple(traces), note, bounds, limits, factor=factor)
 
 
 def _inconsistent(run: Run) -> Chart | None:
@@ -145,7 +145,7 @@ def _inconsistent(run: Run) -> Chart | None:
     left = run.column("force_inconsistent")
     if left is None or not np.any(left > 0):
         return None
-    line = Line("force_inconsistent", "ink", "set points - nearest")
+    line = Drawn("force_inconsistent", "ink", "set points - nearest")
     title, note = "Beyond what contacts return", "set points minus the nearest forces that they can"
     return of_signals(run, "force_inconsistent", title, [line], note, always=(0.0,))
 
@@ -166,7 +166,7 @@ def _gap(run: Run, key: str, names: Sequence[str]) -> Chart | None:
     columns = [run.columns[n] for n in surfaces if run.column(n) is not None]
     deepest = min((float(np.nanmin(c)) for c in columns), default=0.0)
     lines = [
-        Line(n, f"j{i % 7}", n.removesuffix(_GAP), continuous=True) for i, n in enumerate(names)
+        Drawn(n, f"j{i % 7}", n.removesuffix(_GAP), continuous=True) for i, n in enumerate(names)
     ]
     chart = of_signals(
         run,
@@ -179,8 +179,7 @@ def _gap(run: Run, key: str, names: Sequence[str]) -> Chart | None:
     if chart is None:
         return None
     near = bands(run, ["gap", *names] if "gap" not in names else names, chart.factor)
-    depths = predictions.depth_levels(run, [n.removesuffix(_GAP) for n in surfaces], chart.factor)
-    return replace(chart, bands=near, levels=tuple(depths))
+    return replace(chart, bands=near)
 
 
 def _mechanisms(run: Run, signal: str, title: str, *, places: bool = False) -> Chart | None:
@@ -188,7 +187,7 @@ def _mechanisms(run: Run, signal: str, title: str, *, places: bool = False) -> C
     owners = (name.rpartition(".") for name in run.columns)
     found = dict.fromkeys(o for o, _, last in owners if o and last in ("angle", "travel"))
     names = [n for o in found if run.column(n := f"{o}.{signal}") is not None]
-    lines = [Line(name, f"j{i % 7}", continuous=True) for i, name in enumerate(names)]
+    lines = [Drawn(name, f"j{i % 7}", continuous=True) for i, name in enumerate(names)]
     return of_signals(run, f"mechanism {signal}", title, lines, places=places)
 
 
@@ -200,13 +199,13 @@ def _pose(run: Run, axes: Sequence[str], title: str) -> Chart | None:
 
 def _errors(run: Run, axes: Sequence[str], title: str) -> Chart | None:
     note = "reference − truth, where an axis follows a motion"
-    lines = [Line(f"error.{axis}", _ROLES[axis], axis) for axis in axes]
+    lines = [Drawn(f"error.{axis}", _ROLES[axis], axis) for axis in axes]
     return of_signals(run, title.lower(), title, lines, note, always=(0.0,))
 
 
 def _velocity(run: Run) -> Chart | None:
     lines = _tracked(run, [f"velocity.{axis}" for axis in LINEAR])
-    lines.append(Line("speed", "ink", continuous=True))
+    lines.append(Drawn("speed", "ink", continuous=True))
     chart = of_signals(run, "velocity", "Tool velocity", lines)
     if chart is None:
         return None
@@ -222,14 +221,14 @@ def _power(run: Run) -> Chart | None:
     power = run.column("power")
     energy = 0.0 if power is None else float(np.nansum(power) * run.period)
     note = f"into the environment; {' '.join(quantity(energy, 'J'))} in all"
-    return of_signals(run, "power", "Power", [Line("power", "j3", continuous=True)], note)
+    return of_signals(run, "power", "Power", [Drawn("power", "j3", continuous=True)], note)
 
 
-def _tracked(run: Run, names: Sequence[str]) -> list[Line]:
+def _tracked(run: Run, names: Sequence[str]) -> list[Drawn]:
     """Signals over wide pale lines of their references."""
     named = [(n, n.rpartition(".")[2]) for n in names if run.column(n) is not None]
-    wide = [Line(f"{n}.ref", _ROLES[axis], "ref", "halo", reference_of=axis) for n, axis in named]
-    return [*wide, *(Line(n, _ROLES[axis], axis) for n, axis in named)]
+    wide = [Drawn(f"{n}.ref", _ROLES[axis], "ref", "halo", reference_of=axis) for n, axis in named]
+    return [*wide, *(Drawn(n, _ROLES[axis], axis) for n, axis in named)]
 
 
 def _joint_torques(run: Run) -> Chart | None:
@@ -267,7 +266,7 @@ def _joints(
     key, labels = f"joint {kind}s", {n: f"J{n.split('.')[1]}" for n in names}
     bounded = [(n, b) for n, b in zip(names, bounds, strict=False) if b is not None]
     if not bounded:
-        lines = [Line(n, f"j{i % 7}", labels[n], continuous=True) for i, n in enumerate(names)]
+        lines = [Drawn(n, f"j{i % 7}", labels[n], continuous=True) for i, n in enumerate(names)]
         return of_signals(run, key, key.capitalize(), lines, places=kind == "position")
     traces = tuple(
         Trace(labels[n], (run.columns[n] - middle) * (100 / half), f"j{i % 7}", "line", n, True)

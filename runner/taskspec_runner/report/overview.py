@@ -10,9 +10,10 @@ import numpy as np
 from taskspec_runner.pages.chart import Chart, size
 from taskspec_runner.pages.picture import Picture, Square, picture_svg
 from taskspec_runner.pages.timeline import Timeline
-from taskspec_runner.report import figures, predictions
+from taskspec_runner.record.visits import StageVisit
+from taskspec_runner.report import figures
 from taskspec_runner.report.events import fault_spans
-from taskspec_runner.runs import Run, StageVisit
+from taskspec_runner.runs import Run
 from taskspec_runner.verdict.limit_effects import held_joints
 from taskspec_runner.verdict.outcome import verdict
 
@@ -35,17 +36,12 @@ def overview_svg(run: Run, wanted: Sequence[Chart] | None = None) -> str:
     """
     laws = dict.fromkeys(v.law for v in run.visits if v.law)
     facts = [run.robot, ", ".join(laws), f"{run.end:.1f} s"]
-    # What was predicted is in the report; the picture shows what was.
-    charts = [
-        replace(chart, traces=tuple(t for t in chart.traces if t.style != predictions.ROLE))
-        for chart in (_chosen(run) if wanted is None else wanted)
-    ]
     return picture_svg(
         str(run.summary.get("task") or "run"),
         ", ".join(fact for fact in facts if fact),
         verdict(run).kind,
         Timeline.of(run),
-        charts,
+        _chosen(run) if wanted is None else wanted,
         square=_path(run) if wanted is None else None,
         faults=fault_spans(run),
     )

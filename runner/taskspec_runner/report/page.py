@@ -14,8 +14,8 @@ from taskspec_runner.link.link import sentence
 from taskspec_runner.pages.chart import Chart, Section
 from taskspec_runner.pages.document import (
     DASH,
-    Column,
-    Row,
+    Cells,
+    Heading,
     bar,
     button,
     document,
@@ -35,7 +35,7 @@ from taskspec_runner.pages.document import (
     sign,
     table,
 )
-from taskspec_runner.pages.html import code, element, expression, joined, prose, small
+from taskspec_runner.pages.html import code, element, expression, joined, prose
 from taskspec_runner.pages.numbers import figure as digits
 from taskspec_runner.pages.samples import density, page_data
 from taskspec_runner.pages.timeline import Timeline, tints
@@ -46,7 +46,6 @@ from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report import annotated, figures, tables, to_rest
 from taskspec_runner.report.events import events, fault_spans
 from taskspec_runner.report.overview import overview_svg
-from taskspec_runner.report.predictions import stage_prediction
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judged import SHARE, Judged, Margin
 from taskspec_runner.verdict.outcome import Verdict, first_broken, is_measured, so_far, verdict
@@ -200,7 +199,7 @@ def _urgency(each: Judged) -> tuple[bool, float]:
 def _expectations(run: Run, said: Verdict) -> Markup:
     """What was expected and found, with meters of what is left of what is allowed."""
     rows = [
-        Row(
+        Cells(
             [
                 sign("undecided") if each.unrecorded else mark(bool(each.passed)),
                 named(each.name, each.text),
@@ -214,7 +213,9 @@ def _expectations(run: Run, said: Verdict) -> Markup:
     partial = "" if said.kind in ("passed", "done", "missed") else " pale"
     until = "Judged on what there was until then." if so_far(run) and rows else ""
     shown = table(
-        ["", "Expected", "Found", Column("Margin", "margin")], rows, f"judged expectations{partial}"
+        ["", "Expected", "Found", Heading("Margin", "margin")],
+        rows,
+        f"judged expectations{partial}",
     )
     return section("Expectations", note(until) + shown, look="first")
 
@@ -241,7 +242,7 @@ def _margin(margin: Margin) -> Markup:
 def _findings(run: Run) -> Markup:
     """Oscillations and saturation."""
     rows = [
-        Row(
+        Cells(
             [
                 mark(each.allowed),
                 each.stage,
@@ -280,9 +281,7 @@ def _stages(run: Run) -> Markup:
     tint, end = tints(run), max(run.visits[-1].end, 1e-9)
     line, rows = [], []
     for visit in run.visits:
-        label, expected = run.label(visit), stage_prediction(run, visit.stage).get("duration")
-        predicted = number(expected)
-        beside = "" if predicted is None else f"of {seconds(predicted)} predicted"
+        label = run.label(visit)
         window = f"{label}: {visit.start:.3f} to {seconds(visit.end)}"
         line.append(
             button(
@@ -297,18 +296,20 @@ def _stages(run: Run) -> Markup:
             joined(dot(tint[visit.stage]), label),
             seconds(visit.start),
             seconds(visit.end),
-            joined(seconds(visit.end - visit.start), small(beside)),
+            seconds(visit.end - visit.start),
             visit.law,
             visit.frame,
             prose(_text(why.get("text"))),
             to,
         ]
-        rows.append(Row(cells, "bad" if bad else ""))
+        rows.append(Cells(cells, "bad" if bad else ""))
     times = map(right, ("From", "To", "Lasted"))
     return section(
         "Stages",
         element("div", *line, class_="timeline", aria_hidden="true"),
-        table(["Stage", *times, "Law", "Frame", Column("Ended by", "why"), "Then"], rows, "stages"),
+        table(
+            ["Stage", *times, "Law", "Frame", Heading("Ended by", "why"), "Then"], rows, "stages"
+        ),
         *(note(f"{text}.") for text in tables.given_up(run)),
         note(prose(to_rest.told(run))),
     )
@@ -324,8 +325,8 @@ def _about_responses(run: Run) -> Markup:
     return note(
         "Rest is the mean of the last tenth of a visit. A force has settled when it stays within "
         "the expectation on it, else within 2 % of its set point or of the step to it; time counts "
-        "from the beginning of the visit. Time constants are of the decay once the set point "
-        "stays: measured on the hull of the error, predicted from the slowest mode of the axis."
+        "from the beginning of the visit. The time constant is of the decay once the set point "
+        "stays, measured on the hull of the error."
         if mapping(run.summary.get("responses")) or mapping(run.summary.get("contact"))
         else ""
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from taskspec_runner.pages.chart import Chart, Line, of_signals
+from taskspec_runner.pages.chart import Chart, Drawn, of_signals
 from taskspec_runner.runs import Run
 
 _REFERENCE = ".ref"
@@ -25,6 +25,6 @@ def _chart(run: Run, names: Sequence[str]) -> Chart | None:
         # A reference stands beside what it is of; by itself it is a signal like others.
         beside = name.endswith(_REFERENCE) and name.removesuffix(_REFERENCE) in drawn
         role, style = ("ink", "reference") if beside else (f"j{number % 7}", "line")
-        lines.append(Line(name, role, style=style))
+        lines.append(Drawn(name, role, style=style))
     places = all(name.startswith("position") for name in names)
     return of_signals(run, names[0], "", lines, places=places)

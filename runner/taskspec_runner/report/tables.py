@@ -6,27 +6,25 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from markupsafe import Markup
 
-from taskspec_runner.pages.document import Column, dot, in_unit, note, right, table
+from taskspec_runner.pages.document import Heading, dot, in_unit, note, right, table
 from taskspec_runner.pages.html import code, joined
 from taskspec_runner.pages.numbers import figure, quantity
 from taskspec_runner.pages.timeline import tints
 from taskspec_runner.record.folder import Json, mapping, number
-from taskspec_runner.report.predictions import stage_prediction
+from taskspec_runner.report.rest_levels import rest_value
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
 from taskspec_runner.verdict.limit_effects import sentences
-from taskspec_runner.verdict.predicted import axis_of
 from taskspec_runner.verdict.protected import sentences as near
 
 #: Columns of a response; see the note below the table.
 _RESPONSES = [
     "set point",
-    "predicted rest",
+    "closed form",
     "rest",
     "overshoot",
     "settled after",
     "within",
-    "predicted time constant",
     "time constant",
 ]
 _STATISTICS = ("rms_error", "max_error", "final_error", "mean", "min", "max")
@@ -70,7 +68,7 @@ def _of_stage(
     look: str = "",
 ) -> Markup:
     """A table with a row for each signal of a stage."""
-    title = Column(joined(dot(tints(run).get(stage, 0)), stage))
+    title = Heading(joined(dot(tints(run).get(stage, 0)), stage))
     cells = ([code(name), *map(in_unit, values)] for name, values in rows.items())
     return table([title, *map(right, columns)], cells, f"metrics{look}")
 
@@ -83,18 +81,14 @@ def _response(run: Run, stage: str, name: str, values: Json) -> list[tuple[str, 
     if overshoot and step:
         over = (over[0], f"{over[1]}, {figure(100 * overshoot / abs(step), 2)} %")
     settled, constant = (number(values.get(key)) for key in ("settling_time", "time_constant"))
-    predicted = stage_prediction(run, stage)
-    rest = number(mapping(mapping(predicted.get("equilibrium")).get(name)).get("value"))
-    slowest = mapping(mapping(predicted.get("settling")).get(axis_of(name)))
-    wanted = number(values.get("set_point")) if values.get("target") != "prediction" else None
+    wanted = number(values.get("set_point")) if values.get("target") != "closed form" else None
     return [
         quantity(wanted, unit),
-        quantity(rest, unit),
+        quantity(rest_value(run, stage, name), unit),
         quantity(number(values.get("rest")), unit),
         over,
         ("never", "") if settled is None else (f"{settled:.3f}", "s"),
         _within(sides, unit, str(values.get("settled_within") or "")),
-        _milliseconds(number(slowest.get("time_constant"))),
         _milliseconds(constant),
     ]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from taskspec.analysis.worlds import World
 from taskspec.program.context import Context
+from taskspec.program.worlds import World
 from taskspec_runner.errors import InputError
 from taskspec_runner.session import world_numbered
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from taskspec.analysis.worlds import component_dimension
 from taskspec.deferred_methods import dataclass
+from taskspec.program.worlds import component_dimension
 from taskspec.spec import Task
 from taskspec.spec.sweep import SUCCESS, RateExpectation
 from taskspec.text.units import scaled
@@ -104,22 +104,6 @@ def interval_text(rate: Mapping[str, Any]) -> str:
         return ""
     low, high = (100 * each for each in rate["interval"])
     return f"{low:.4g} to {high:.4g} %"
-
-
-def predicted_text(told: Mapping[str, Any]) -> str:
-    """How validate's findings about single worlds compare with what became of them."""
-    parts = []
-    for kind in ("failed", "good"):
-        found = told[kind]
-        if found["of"]:
-            codes = f" ({', '.join(found['codes'])})" if found["codes"] else ""
-            parts.append(f"{found['announced']} of {found['of']} {kind} ones{codes}")
-    return f"validate warns of trouble in {' and '.join(parts)} that were looked at"
-
-
-def predicted_wrong(told: Mapping[str, Any]) -> list[int]:
-    """The worlds that were looked at of which validate says something else than came of them."""
-    return sorted(world for kind in ("failed", "good") for world in told[kind]["wrong"])
 
 
 def expectation_rates(

@@ -10,8 +10,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from taskspec.analysis.worlds import World, world_from
 from taskspec.program.context import Context
+from taskspec.program.worlds import World, world_from
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import parse_json
 from taskspec_runner.record.names import TABLE

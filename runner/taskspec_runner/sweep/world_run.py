@@ -7,21 +7,14 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from taskspec.analysis.worlds import World, deviations
 from taskspec.program.program import Program
-from taskspec.robot.description import listening
+from taskspec.program.worlds import World, deviations
 from taskspec.spec import Task
 from taskspec_runner.errors import InputError
-from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.fixed_step import DONE, PYTHON, Outcome
-from taskspec_runner.loop.fixed_step import run as simulate
-from taskspec_runner.record.layout import LogLayout
-from taskspec_runner.record.rows import RowKeeper
-from taskspec_runner.verdict.findings import findings
-from taskspec_runner.verdict.judge import judge_run
+from taskspec_runner.loop.fixed_step import DONE, Outcome
+from taskspec_runner.trial.trial import trial
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.metrics import peaks
-from taskspec_runner.verdict.summary import EXIT_GOOD, exit_code
 
 Row = dict[str, Any]
 """A row of the table, by column; what is not a finite number is None."""
@@ -59,32 +52,14 @@ def run_world(program: Program, index: int, world: World, loop: str | None = Non
 
 
 def _ran(program: Program, world: World, loop: str | None) -> Row:
-    context = program.context
-    parts = assemble(program, world)
-    keeper = RowKeeper(parts.bus)
-    with listening([]):
-        outcome = simulate(
-            parts.machine,
-            parts.plant,
-            parts.bus,
-            keeper,
-            context.period,
-            seed=world.noise_seed,
-            # Faults are Python's, whatever loop serves other worlds.
-            loop=loop if parts.faults is None else PYTHON,
-            faults=parts.faults,
-        )
-    history = keeper.history(LogLayout.of(program, world.task), program.stages)
-    judged = judge_run(program, history)
-    found = findings(program, history, world.task)
-    faults = [each for each in found if not each.allowed]
-    success = exit_code(outcome, judged, 0, found) == EXIT_GOOD
+    made = trial(program, world, loop)
+    outcome, judged, faults = made.outcome, made.judged, made.faults
     missed = any(each.missed for each in judged) or faults
-    verdict = "passed" if success else "missed" if outcome.status == "done" and missed else ""
-    keys = expectation_keys(context.loaded.task)
-    largest = peaks(history, [stage.name for stage in program.stages])
+    verdict = "passed" if made.good else "missed" if outcome.status == DONE and missed else ""
+    keys = expectation_keys(program.context.loaded.task)
+    largest = peaks(made.history, [stage.name for stage in program.stages])
     return {
-        "success": success,
+        "success": made.good,
         "verdict": verdict or outcome.status,
         "status": outcome.status,
         "reason": outcome.reason,

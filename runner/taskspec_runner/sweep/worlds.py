@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from taskspec.analysis.worlds import (
+from taskspec.deferred_methods import dataclass
+from taskspec.program.context import Context
+from taskspec.program.worlds import (
     World,
     corner_count,
     corner_world,
@@ -16,8 +18,6 @@ from taskspec.analysis.worlds import (
     grid_world,
     random_world,
 )
-from taskspec.deferred_methods import dataclass
-from taskspec.program.context import Context
 from taskspec_runner.errors import InputError
 
 RANDOM, CORNERS, GRID = "random", "corners", "grid"

@@ -86,7 +86,7 @@ class Plot extends Chart {
     return marks;
   }
 
-  /** Expected bands, limits, and what was predicted. */
+  /** Expected bands, limits, and values at rest. */
   bounds() {
     let drawn = "";
     for (const b of this.bands) {

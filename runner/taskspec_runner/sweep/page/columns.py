@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.analysis.worlds import component_dimension
 from taskspec.deferred_methods import dataclass
+from taskspec.program.worlds import component_dimension
 from taskspec.spec import Task
 from taskspec.text.units import FORCE, MOMENT, TIME, VELOCITY, Dimension, in_unit, suited
 from taskspec_runner.pages.html import prose

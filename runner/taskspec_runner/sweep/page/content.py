@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from markupsafe import Markup
 
-from taskspec.analysis.worlds import component_dimension
+from taskspec.program.worlds import component_dimension
 from taskspec.spec import Task
 from taskspec.text.units import in_unit, number, scaled
 from taskspec_runner.pages.chart import Chart
 from taskspec_runner.pages.document import (
     DASH,
-    Column,
-    Row,
+    Cells,
+    Heading,
     button,
     document,
     figure,
@@ -34,20 +34,10 @@ from taskspec_runner.pages.html import code, element, expression, joined, prose
 from taskspec_runner.record.names import TASK
 from taskspec_runner.sweep.page.columns import PEAKS, WorldColumn, columns, world_data
 from taskspec_runner.sweep.page.commands import command_stem, kept_reports
+from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.statistics import Influence, parameters
-from taskspec_runner.sweep.summary import (
-    MET,
-    MISSED,
-    interval_text,
-    predicted_text,
-    predicted_wrong,
-    rate_text,
-    worst_world,
-)
-from taskspec_runner.sweep.world_run import Row as WorldRow
-
-if TYPE_CHECKING:
-    from taskspec_runner.sweep.session import SweepResult
+from taskspec_runner.sweep.summary import MET, MISSED, interval_text, rate_text, worst_world
+from taskspec_runner.sweep.world_run import Row
 
 Json = Mapping[str, Any]
 
@@ -162,7 +152,7 @@ def _ends(result: SweepResult) -> Markup:
 def _expectations(result: SweepResult) -> Markup:
     """In how many worlds each was met."""
     sampled = result.summary["success"]["interval"] is not None
-    columns_: list[Column | str] = ["Expected", right("Met in"), Column("", "spans")]
+    columns_: list[Heading | str] = ["Expected", right("Met in"), Heading("", "spans")]
     columns_ += [right("Probability, at 95 %")] if sampled else []
     rows = []
     for each in result.summary["expectations"]:
@@ -188,7 +178,7 @@ def _expectations(result: SweepResult) -> Markup:
 
 
 def _failures(result: SweepResult, found: Sequence[WorldColumn]) -> Markup:
-    """Where worlds fail, as what the table is filtered by, and what was predicted of them."""
+    """Where worlds fail, as what the table is filtered by."""
     rate, known = result.summary["success"], {column.key: column for column in found}
     failed = rate["of"] - rate["good"]
     if not failed:
@@ -206,7 +196,7 @@ def _failures(result: SweepResult, found: Sequence[WorldColumn]) -> Markup:
         for each in result.summary["regions"]
     ]
     where = element("ul", *items, class_="regions") if items else note(text)
-    return section("Where it fails", where, _predicted(result.summary.get("predicted")))
+    return section("Where it fails", where)
 
 
 def _filter(region: Json, known: Mapping[str, WorldColumn]) -> str:
@@ -217,16 +207,6 @@ def _filter(region: Json, known: Mapping[str, WorldColumn]) -> str:
         value = in_unit(split["value"], column.unit) if column.unit else split["value"]
         terms.append(f"{column.key} {'>' if split['above'] else '<='} {value:.7g}")
     return " and ".join(terms)
-
-
-def _predicted(told: Json | None) -> Markup:
-    """What `validate` says of some worlds, and those of which it says something else than came."""
-    if not told:
-        return Markup("")
-    text, wrong = predicted_text(told), predicted_wrong(told)
-    worlds = Markup(", ").join(_world(world) for world in wrong)
-    about = joined(" It is wrong about ", worlds, ".") if wrong else None
-    return note(joined(f"{text[0].upper()}{text[1:]}.", about))
 
 
 def _influences(influences: Sequence[Influence]) -> Markup:
@@ -242,11 +222,11 @@ def _influences(influences: Sequence[Influence]) -> Markup:
             prose(f"{each.correlation:+.2f}"),
             _in_words(each),
         ]
-        rows.append(Row(cells, "" if each.chance < _CHANCE else "unclear"))
+        rows.append(Cells(cells, "" if each.chance < _CHANCE else "unclear"))
     share, trend = right("Explains of the margin"), right("Rank correlation")
     return section(
         "What matters",
-        table(["Parameter", share, Column("", "spans"), trend, "Direction"], rows),
+        table(["Parameter", share, Heading("", "spans"), trend, "Direction"], rows),
         note("Of the ranks of the least margins: the share of their variance that goes with the "
              "parameter, in whatever way, and Spearman’s correlation, which sees what goes one "
              "way."),
@@ -355,7 +335,7 @@ def _data(result: SweepResult, said: Json, found: Sequence[WorldColumn]) -> Json
     }
 
 
-def _everywhere(rows: Sequence[WorldRow], task: Task) -> Iterator[tuple[str, str]]:
+def _everywhere(rows: Sequence[Row], task: Task) -> Iterator[tuple[str, str]]:
     """What `truth` says of all worlds alike."""
     varying = parameters(rows)
     for name in dict.fromkeys(n for row in rows for n in row if n.startswith(("world.", "robot."))):

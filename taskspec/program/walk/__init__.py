@@ -1,0 +1,1 @@
+"""The nominal trajectory of a task: where tool and arm are in each stage, and from which start."""

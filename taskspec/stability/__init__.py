@@ -1,0 +1,1 @@
+"""Stability of stages: their sampled loops, the margins of these, and gains held against them."""

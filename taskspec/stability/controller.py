@@ -1,0 +1,302 @@
+"""A stage's closed form about an equilibrium: the compiled function, differentiated by CasADi.
+
+The derivative is taken along directions of the joints, the measured wrench, the measured reactions
+and the memory. A direction of the joints moves the tip's pose as it moves in truth to first order;
+H, C q' + g, g and the tip's Jacobian stay as they are, and J' q' is 0 at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
+from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws.gains import Gains
+from taskspec.modes import DEFAULT_RAMP
+from taskspec.motion import blend
+from taskspec.program.bound import BoundFunction, evaluated
+from taskspec.program.context import Context
+from taskspec.program.execution.choice import Chooser
+from taskspec.program.execution.tracks import Tracks
+from taskspec.program.ports import LAW, slices
+from taskspec.program.reference.force_references import kept_slot
+from taskspec.program.reference.slowed_path import AT, TIME
+from taskspec.program.stages.hand_over import SIZE
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.world import estimated_frames
+from taskspec.robot.model_terms import PinocchioTerms
+
+Matrix = NDArray[np.float64]
+
+#: A blending that is to keep what it adds lasts this long [s].
+_FOR_EVER = 1e9
+#: Ramps and blendings are over this long after they should be [s].
+_AFTER = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class LinearController:
+    """u and memory' per q, q', measured wrench, measured reactions and memory.
+
+    Attributes:
+        torque: (n, 2n + 6 + e + m).
+        memory: (m, 2n + 6 + e + m); m slots of memory on which a later torque depends.
+        slots: their numbers.
+        finite: whether the torque has a derivative.
+    """
+
+    torque: Matrix
+    memory: Matrix
+    slots: tuple[int, ...]
+
+    @property
+    def finite(self) -> bool:
+        """Whether the torque has a derivative at all."""
+        return bool(np.isfinite(self.torque).all() and np.isfinite(self.memory).all())
+
+
+class Operating:
+    """A stage entered at the start pose, long after its ramps, with its references where it is."""
+
+    def __init__(
+        self, context: Context, stage: CompiledStage, derivative: ca.Function | None = None
+    ) -> None:
+        self.context, self.stage = context, stage
+        self._derivative = stage.closed_form.forward(1) if derivative is None else derivative
+        n = context.robot.pin.nv
+        self._terms = PinocchioTerms(context.robot)
+        self._now = np.zeros(2 + len(context.loaded.task.stages))
+        self._now[2 + list(context.loaded.task.stages).index(stage.name)] = 1.0
+        self._wrench, self._reactions = np.zeros(6), np.zeros(len(context.equations))
+        self._terms.at(context.start, np.zeros(n))
+        # The tip may be looked at elsewhere, as `touching` has it.
+        self._terms.arrays[4][:] = context.start_p
+        self._arguments = [
+            self._now,
+            context.start,
+            np.zeros(n),
+            *self._terms.arrays,
+            self._wrench,
+            self._reactions,
+        ]
+        self._fields = slices((*LAW, ("reaction_ref", len(context.equations))))
+        self._enter()
+
+    def under(self, gains: Gains) -> Operating:
+        """The same stage under other gains, pressing alike; none that is zero becomes another.
+
+        Args:
+            gains: values of the stage's parameters.
+        """
+        stage = replace(self.stage, plan=self.stage.plan.but(gains=gains))
+        other = Operating(self.context, stage, self._derivative)
+        other.press(self._wrench, self._reactions)
+        return other
+
+    def there(self, context: Context) -> Operating:
+        """The same stage, pressing alike, with the arm where another context begins."""
+        other = Operating(context, self.stage, self._derivative)
+        other.press(self._wrench, self._reactions)
+        return other
+
+    def press(self, wrench: Matrix, reactions: Matrix) -> None:
+        """What is measured at the equilibrium; long after the entry it changes nothing else."""
+        self._wrench[:], self._reactions[:] = wrench, reactions
+
+    def _enter(self) -> None:
+        context, stage = self.context, self.stage
+        self._now[0] = 0.0
+        poses = {
+            estimated_frames.slot(f): np.concatenate([g.rotation.ravel(order="F"), g.origin])
+            for f in context.frames.values()
+            if f.kind == "estimated"
+            for g in (context.frames[f.estimated_in],)
+        }
+        entry = stage.entry
+        handed = np.concatenate(
+            [context.start_p, context.start_R.ravel(order="F"), np.zeros(SIZE - 12)]
+        )
+        given = [np.concatenate([np.zeros(0), *(poses[name] for name in entry.poses)])]
+        given.append(stage.gains)
+        entered = evaluated(entry.function, *self._arguments, handed, *given)
+        self.memory, self.parameters, numbers = entered
+        if stage.choice is not None:
+            given = [*self._arguments, self.memory, self.parameters]
+            Chooser(stage.choice, stage.parameters, given).first()
+        for axis in stage.plan.plans:
+            if kept_slot(axis) in stage.parameters:
+                kept = stage.plan.set_points.of(axis) or 0.0
+                stage.parameters.write(self.parameters, kept_slot(axis), kept)
+        tracks = Tracks(stage, self.parameters, self.memory)
+        tracks.numbers[:] = numbers
+        forces = [p.axis.set_point for p in stage.plan.plans.values()]
+        ramps = [force.ramp for force in forces if force is not None]
+        ramps += [point.ramp for point in stage.plan.spec.constraints.values()]
+        longest = max([DEFAULT_RAMP, *(r for r in ramps if r is not None)])
+        self._now[0] = max(longest, tracks.duration) + _AFTER
+        if TIME in stage.memory:
+            # A path that signals slow has come to its end, too.
+            stage.memory.write(self.memory, TIME, tracks.duration)
+            stage.memory.write(self.memory, AT, float(self._now[0]))
+        tracks.refresh(float(self._now[0]))
+        self._bring_references()
+
+    def _bring_references(self) -> None:
+        """Moves each motion reference to where the arm is, for good."""
+        stage, write = self.stage, self.stage.parameters.write
+        moving = [a for a, p in stage.plan.plans.items() if p.motion and not p.open_loop]
+        for name in moving:
+            for slot, value in (("offset", 0.0), ("slope", 0.0), ("pressed", 0.0), ("blend", 1.0)):
+                write(self.parameters, f"{slot}.{name}", value)
+        if "wait" in stage.parameters:
+            write(self.parameters, "wait", 0.0)
+        own, _ = evaluated(stage.own, *self._arguments, self.memory, self.parameters)
+        error = self.outputs()["error"]
+        for name in moving:
+            i, last = AXES.index(name), f"last.{name}"
+            carried = last in stage.memory and not self._by_gap(name)
+            if carried:
+                offset = float(self.memory[stage.memory.slots[last]][0]) - own[i]
+            else:
+                offset = -own[i] if name.is_rotation else -error[i]
+            write(self.parameters, f"offset.{name}", float(offset))
+            write(self.parameters, f"blend.{name}", _FOR_EVER)
+        self._carry_sprung()
+
+    def _carry_sprung(self) -> None:
+        """Has a carried reference point lie where the set points of springs have moved it.
+
+        Else every tick would move it by their whole way, along axes that turn with the tool.
+        """
+        stage = self.stage
+        sprung = [f"last.{a}" for a, p in stage.plan.plans.items() if p.motion and p.open_loop]
+        sprung = [slot for slot in sprung if slot in stage.memory]
+        if sprung:
+            after = evaluated(stage.closed_form, *self._arguments, self.memory, self.parameters)[1]
+            for slot in (*sprung, "reference_point"):
+                where = stage.memory.slots[slot]
+                self.memory[where] = after[where]
+
+    def _by_gap(self, name: str) -> bool:
+        return name == "z" and self.stage.plan.frame.kind == "following"
+
+    def outputs(self) -> dict[str, Matrix]:
+        """The numbers of `LAW`, and the reference of each equation, by name."""
+        given = (*self._arguments, self.memory, self.parameters)
+        numbers = evaluated(self.stage.closed_form, *given)[2]
+        return {name: numbers[where] for name, where in self._fields.items()}
+
+    def set_point_drive(self, axis: Axis) -> Matrix | None:
+        """(n + s,) what a newton more of an axis's set point adds to torque and whole memory.
+
+        As the stage begins its set point is the force at entry, in which the law is linear. None
+        where nothing rises from there.
+        """
+        drive = self._drive(f"force_at_entry.{axis}")
+        return drive if drive is not None and drive.any() else None
+
+    def reference_drive(self, axis: Axis) -> Matrix | None:
+        """(n + s, 2) what a metre more of a motion reference adds to torque and whole memory.
+
+        In the second column what a metre per second more of its rate adds. None where its reference
+        drives nothing.
+        """
+        offset, slope = self._drive(f"offset.{axis}"), self._drive(f"slope.{axis}")
+        if offset is None or slope is None or not offset.any():
+            return None
+        # As a stage begins, a slope of 1 is a rate of 1 and lies `run_out` away.
+        return np.column_stack([offset, slope - float(blend.run_out(0.0)) * offset])
+
+    def _drive(self, slot: str) -> Matrix | None:
+        """(n + s,) what 1 more of a parameter adds as the stage begins; None without that."""
+        stage = self.stage
+        if slot not in stage.parameters:
+            return None
+        begins = self._now.copy()
+        begins[0] = 0.0
+        given, more = [begins, *self._arguments[1:], self.memory], self.parameters.copy()
+        more[stage.parameters.slots[slot]] += 1.0
+        before, after = (
+            np.concatenate(evaluated(stage.closed_form, *given, values)[:2])
+            for values in (self.parameters, more)
+        )
+        return np.asarray(after - before)
+
+    def linear(self) -> LinearController:
+        """The derivative of torque and memory, one direction after the other."""
+        n, size = self.context.robot.pin.nv, self.stage.memory.size
+        count = 2 * n + 6 + len(self._reactions)
+        along = self._forward()
+        seeds = [*self._joint_seeds(), *(self._seed(i) for i in range(count - 2 * n))]
+        columns = [along(seed, np.zeros(size)) for seed in seeds]
+        columns += [along(self._seed(None), unit) for unit in np.eye(size)]
+        whole = np.column_stack(columns)
+        torque, memory = whole[:n], whole[n:]
+        slots = _feedback_slots(torque[:, count:], memory[:, count:])
+        kept = [*range(count), *(count + s for s in slots)]
+        return LinearController(torque[:, kept], memory[np.ix_(slots, kept)], tuple(slots))
+
+    def _forward(self) -> Callable[[list[Matrix], Matrix], Matrix]:
+        """The derivative along a direction of the tick's inputs and of the memory."""
+        given = [*self._arguments, self.memory, self.parameters]
+        results = evaluated(self.stage.closed_form, *given)
+        seeds = [np.zeros(len(argument)) for argument in given]
+        found = [np.zeros(len(result)) for result in results]
+        function = self._derivative
+        assert all(function.sparsity_out(i).is_dense() for i in range(2))
+        bound = BoundFunction(function, [*given, *results, *seeds], found)
+
+        def along(seed: list[Matrix], memory: Matrix) -> Matrix:
+            for place, value in zip(seeds, [*seed, memory], strict=False):
+                place[:] = value
+            bound.evaluate()
+            return np.concatenate(found[:2])
+
+        return along
+
+    def _seed(self, measured: int | None) -> list[Matrix]:
+        """No direction but one of the measured wrench and reactions."""
+        seed = [np.zeros(len(a)) for a in self._arguments]
+        if measured is not None:
+            seed[-2 if measured < 6 else -1][measured % 6 if measured < 6 else measured - 6] = 1.0
+        return seed
+
+    def _joint_seeds(self) -> list[list[Matrix]]:
+        """Directions of q, then of q'."""
+        n, J = self.context.robot.pin.nv, self.context.start_jacobian
+        seeds = []
+        for i in range(n):
+            seed = self._seed(None)
+            seed[1][i] = 1.0
+            seed[7] = J[:3, i]
+            seed[8] = (pin.skew(J[3:, i]) @ self.context.start_R).ravel(order="F")
+            seeds.append(seed)
+        for i in range(n):
+            seed = self._seed(None)
+            seed[2][i] = 1.0
+            seeds.append(seed)
+        return seeds
+
+
+def _feedback_slots(torque: Matrix, memory: Matrix) -> list[int]:
+    """Slots of the memory on which this torque depends, or a later one through other slots."""
+    found = {int(i) for i in np.flatnonzero(_any(torque))}
+    waiting = list(found)
+    while waiting:
+        row = memory[waiting.pop()]
+        for i in np.flatnonzero(_any(row[None, :])):
+            if int(i) not in found:
+                found.add(int(i))
+                waiting.append(int(i))
+    return sorted(found)
+
+
+def _any(part: Matrix) -> Matrix:
+    """Columns with anything but zeros."""
+    return np.asarray(np.any((part != 0) | ~np.isfinite(part), axis=0))

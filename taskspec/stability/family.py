@@ -1,0 +1,73 @@
+"""A stage for every value of one of its gains, from three of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from taskspec.deferred_methods import dataclass
+from taskspec.laws.gains import Gain, Gains
+from taskspec.laws.law import gain_named
+from taskspec.stability.controller import LinearController
+from taskspec.stability.sampled_stage import SampledStage
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """A stage for every value of one gain.
+
+    Torque and memory are polynomials of second degree in a gain, in 1/gain for an apparent mass:
+    three values say them all.
+
+    Attributes:
+        sampled: the stage as it is.
+        controllers: at `_AT` times its gain.
+        inverse: in 1/gain.
+    """
+
+    sampled: SampledStage
+    controllers: tuple[LinearController, ...]
+    inverse: bool
+
+    @staticmethod
+    def of(sampled: SampledStage, what: str, on: Sequence[str]) -> Family | None:
+        """The family of a gain on some axes; None where a member has no derivative."""
+        members: list[LinearController] = []
+        for factor in _AT:
+            moved = 1 / factor if what == "mass" else factor
+            if moved == 1:
+                members.append(sampled.controller)
+                continue
+            gains = scaled(sampled.stage.plan.gains, what, on, moved)
+            controller = sampled.at.under(gains).linear()
+            if not controller.finite or controller.slots != sampled.controller.slots:
+                return None
+            members.append(controller)
+        return Family(sampled, tuple(members), what == "mass")
+
+    def at(self, factor: float) -> LinearController:
+        """The controller with its gain times `factor`."""
+        x = 1 / factor if self.inverse else factor
+        torque = np.zeros_like(self.sampled.controller.torque)
+        memory = np.zeros_like(self.sampled.controller.memory)
+        for i, member in enumerate(self.controllers):
+            others = [a for j, a in enumerate(_AT) if j != i]
+            weight = np.prod([(x - a) / (_AT[i] - a) for a in others])
+            torque += weight * member.torque
+            memory += weight * member.memory
+        return LinearController(torque, memory, self.sampled.controller.slots)
+
+
+#: Factors of the members.
+_AT = (1.0, 0.5, 2.0)
+
+
+def scaled(gains: Gains, what: str, on: Sequence[str], factor: float) -> Gains:
+    """Gains with one of them multiplied on some axes, and with it what follows from it."""
+    found = {name: dict(by_axis) for name, by_axis in gains.items()}
+    for name, power in (gain_named(what).powers or {what: 1}).items():
+        for axis in on:
+            old = found[name][axis]
+            found[name][axis] = Gain(old.value * factor**power, old.origin)
+    return found

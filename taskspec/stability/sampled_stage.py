@@ -1,0 +1,453 @@
+"""A stage of a task about its predicted equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
+from taskspec.geometry.axis import AXES, Axis
+from taskspec.program.axes import MOSTLY
+from taskspec.program.context import Context
+from taskspec.program.passage import Instant
+from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.program.prepare import arm_at
+from taskspec.program.program import compiled_stage
+from taskspec.program.sensor import SensorModel
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.spec import AxisEntry, Task
+from taskspec.stability.controller import LinearController, Operating
+from taskspec.stability.environment import HELD, linear_plant
+from taskspec.stability.loop import Drive, Mode, modes, poles, response
+from taskspec.stability.plant import LinearPlant
+from taskspec.stability.points import Touched, touching
+
+Matrix = NDArray[np.float64]
+
+#: Poles, energies and directions that differ by less than this part are one.
+_ALIKE = 1e-6
+#: A contact that a stage meets, or presses on without force, is looked at under this force [N].
+LEAST_PRESS = 1.0
+#: Slower than this is the creep of a tool that friction holds [m/s].
+_SLIDES = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class SetPointDrive:
+    """A set point that changes.
+
+    Attributes:
+        axis: a force axis.
+        inputs: (N, 1) by how much it is more at each tick [N, N m].
+    """
+
+    axis: Axis
+    inputs: Matrix
+
+    def column(self, at: Operating) -> Matrix | None:
+        """(n + s, 1) what 1 more adds to torque and whole memory; None where that is nothing."""
+        found = at.set_point_drive(self.axis)
+        return None if found is None else found[:, None]
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceDrive:
+    """A motion reference that moves.
+
+    Attributes:
+        axis: a motion axis.
+        inputs: (N, 2) where it has moved to at each tick [m, rad], and its rate [m/s, rad/s].
+    """
+
+    axis: Axis
+    inputs: Matrix
+
+    def column(self, at: Operating) -> Matrix | None:
+        """(n + s, 2) what 1 more adds to torque and whole memory; None where that is nothing."""
+        return at.reference_drive(self.axis)
+
+
+@dataclass(frozen=True, slots=True)
+class Attitude:
+    """Where a stage's way leads the arm.
+
+    Attributes:
+        q: (n,) its joints.
+        normals: (3,) of what it presses on, world axes, by name.
+    """
+
+    q: Matrix
+    normals: Mapping[str, Matrix]
+
+    def like(self, other: Attitude, far: float) -> bool:
+        """Whether no joint, and no line of a normal, differs by so much [rad, m]."""
+        turned = [
+            float(np.linalg.norm(np.cross(normal, other.normals[name])))
+            for name, normal in self.normals.items()
+        ]
+        return max([float(np.abs(self.q - other.q).max()), *turned]) < far
+
+
+@dataclass(frozen=True, slots=True)
+class SampledStage:
+    """A stage as a sampled linear system.
+
+    Attributes:
+        context: of the nominal task.
+        stage: the compiled one.
+        rotation: (3, 3) its frame at the start pose.
+        pressed: what the robot applies to each contact at the equilibrium [N, N m].
+        meets: the contact is one that the stage may come to, not one that it is in.
+        at: the equilibrium, entered.
+        controller: its law there.
+        nominal: what it drives in the world of the file.
+        sticking: friction holds the tool; else it slides.
+        sliding: (3,) as fast as this, world axes [m/s]; None where that is not known.
+        turns: (3, k) world axes about which the tool gives way, and comes to lie flat.
+    """
+
+    context: Context
+    stage: CompiledStage
+    rotation: Matrix
+    pressed: Mapping[str, float]
+    meets: bool
+    at: Operating
+    controller: LinearController
+    nominal: LinearPlant
+    sticking: bool = False
+    sliding: Matrix | None = None
+    turns: Matrix = field(default_factory=lambda: HELD)
+
+    def plant(self, task: Task | None = None) -> LinearPlant:
+        """What it drives; `task` is the one whose world and robot are true."""
+        if task is None or task is self.context.loaded.task:
+            return self.nominal
+        return self._plant(self.context, task)
+
+    def _plant(self, context: Context, task: Task) -> LinearPlant:
+        return linear_plant(
+            context,
+            task,
+            self.pressed,
+            sticking=self.sticking,
+            sliding=self.sliding,
+            turns=self.turns,
+        )
+
+    def modes(self, task: Task | None = None, plant: LinearPlant | None = None) -> tuple[Mode, ...]:
+        """Modes of the closed loop, the least stable first.
+
+        Args:
+            task: whose world and robot are true.
+            plant: that of `task`, if it is known.
+        """
+        return modes(*self._loop(task, plant))
+
+    def poles(self, task: Task, plant: LinearPlant) -> NDArray[np.complex128]:
+        """Poles of the closed loop, neutral chains among them; quicker than `modes`.
+
+        Args:
+            task: whose world and robot are true.
+            plant: that of `task`.
+        """
+        return poles(*self._loop(task, plant))
+
+    def _loop(
+        self, task: Task | None, plant: LinearPlant | None
+    ) -> tuple[LinearController, LinearPlant, SensorModel, float]:
+        task = self.context.loaded.task if task is None else task
+        sensor = SensorModel.of(task.robot.sensor, self.context.period)
+        plant = self.plant(task) if plant is None else plant
+        return self.controller, plant, sensor, self.context.period
+
+    def moved(self, name: str, way: Matrix) -> Matrix:
+        """(N,) what a contact bears more than at rest while its surface moves [N].
+
+        Args:
+            name: of the contact.
+            way: (N,) by how much its surface has come towards the tool at each tick [m].
+
+        Raises:
+            UnfitError: the loop has too many states.
+        """
+        controller, plant, sensor, period = self._loop(None, None)
+        inputs = np.column_stack([way, np.diff(way, append=way[-1]) / period])
+        wrench = response(controller, plant, sensor, Drive(moves=name), inputs)
+        return np.asarray(wrench[:, :3] @ self.context.start_normals[name])
+
+    def follows(
+        self, axis: Axis, drives: Sequence[SetPointDrive | ReferenceDrive], twist: Matrix
+    ) -> Matrix | None:
+        """(N,) force that is applied on an axis while its set point or references change [N, N m].
+
+        The stage is at its equilibrium before the first tick, and forces count from there. None
+        where the first of the drives drives nothing.
+
+        Args:
+            axis: an axis.
+            drives: what changes, that of the axis itself first.
+            twist: (6,) of the tip before the first tick, world axes [m/s, rad/s].
+
+        Raises:
+            UnfitError: the loop has too many states, or grows without bounds.
+        """
+        columns = [each.column(self.at) for each in drives]
+        if columns[0] is None:
+            return None
+        driven = [(d, c) for d, c in zip(drives, columns, strict=True) if c is not None]
+        controller, plant, sensor, _ = self._loop(None, None)
+        heeded = [*range(plant.n), *(plant.n + slot for slot in controller.slots)]
+        # The joints' rates that give the tip its twist with the least energy.
+        J, H = self.context.start_jacobian, self.context.start_inertia
+        W = np.linalg.solve(H, J.T)
+        rates = W @ np.linalg.lstsq(J @ W, twist, rcond=_ALIKE)[0]
+        control = Drive(control=np.hstack([c for _, c in driven])[heeded])
+        inputs = np.hstack([d.inputs for d, _ in driven])
+        wrench = response(controller, plant, sensor, control, inputs, rates)
+        part = slice(3, 6) if axis.is_rotation else slice(0, 3)
+        # The robot applies the opposite of what acts on the tool.
+        return np.asarray(-wrench[:, part] @ self.rotation[:, axis.column])
+
+    def free(self) -> SampledStage:
+        """The same stage before it meets its contact."""
+        plant = linear_plant(self.context, self.context.loaded.task, {})
+        return replace(self, pressed={}, meets=False, nominal=plant, sliding=None)
+
+    def there(self, here: Instant) -> SampledStage:
+        """The same stage, with its gains, where its way leads the arm and the held mechanism."""
+        context = replace(self.context, **arm_at(self.context.robot, here.q))
+        if context.held and here.coordinate:
+            moved = context.mechanisms[context.held].moved(here.coordinate)
+            context = replace(context, mechanisms={**context.mechanisms, context.held: moved})
+        context = _at_contact(context, self.pressed)
+        at = self.at.there(context)
+        plant = self._plant(context, context.loaded.task)
+        return replace(self, context=context, at=at, controller=at.linear(), nominal=plant)
+
+    def place(self, q: Matrix, p: Matrix) -> Attitude:
+        """Where the arm is on a stage's way, and how what it presses on lies there.
+
+        Args:
+            q: (n,) its joints.
+            p: (3,) its tip, world axes.
+        """
+        task, context = self.context.loaded.task, self.context
+        normals = {}
+        for name in self.pressed:
+            if name in context.surfaces:
+                normals[name] = Touched(context, task, name).off(p, 0.0)[0]
+            elif not context.equations[name].joints:
+                normals[name] = context.equations[name].unit_normal(p)
+        return Attitude(q, normals)
+
+    def stuck(self) -> SampledStage | None:
+        """The same stage while friction holds the tool; None where there is none."""
+        context, task = self.context, self.context.loaded.task
+        shapes = [task.shapes[name] for name in self.pressed if name in context.surfaces]
+        if not any(shape.friction > 0 for shape in shapes):
+            return None
+        plant = linear_plant(context, task, self.pressed, sticking=True, turns=self.turns)
+        return replace(self, nominal=plant, sticking=True)
+
+    def axis(self, mode: Mode, modes: Sequence[Mode] = ()) -> str:
+        """The equation or task axis that moves most in a mode, by its energy.
+
+        Modes whose poles are one to rounding have no shapes of their own, but span a space: what
+        counts is then the energy of an axis in all of that. Of axes that move alike it is the
+        first. `null space` if none moves.
+
+        Args:
+            mode: the mode.
+            modes: those among which there may be more with its pole.
+        """
+        context = self.context
+        both = np.kron(np.eye(2), self.rotation.T)
+        J = both @ context.start_jacobian
+        H = context.start_inertia
+        rows = [AXES.index(a) for a in self.stage.plan.axes]
+        mobility = J[rows] @ np.linalg.solve(H, J[rows].T)
+        # Compared by z: a pole at -1 has two logarithms, and rounding decides which is taken.
+        near = _ALIKE * abs(mode.z) * min(abs(mode.s) * context.period, 1.0)
+        alike = [m.shape for m in modes if m is not mode and abs(m.z - mode.z) < near]
+        if modes and 2 * abs(mode.z.imag) < near:
+            # Two real poles that rounding has made a pair, of which only one is among the modes.
+            alike.append(mode.shape.conj())
+        shapes = _orthonormal(np.array([mode.shape, *alike]).T, H)
+        motion = J[rows] @ shapes
+        for name in self.stage.plan.active:
+            normal = context.start_equations[name].normal
+            share = float(np.sum(np.abs(normal @ shapes) ** 2))
+            if share > (normal @ np.linalg.solve(H, normal)) / 2:
+                return name
+        inside = float(np.real(np.vdot(motion, np.linalg.solve(mobility, motion))))
+        if inside < 0.1 * shapes.shape[1]:
+            return "null space"
+        energy = np.sum(np.abs(motion) ** 2, axis=1) / np.diag(mobility)
+        return self.stage.plan.axes[int(np.argmax(energy > (1 - _ALIKE) * energy.max()))]
+
+
+def _orthonormal(shapes: Matrix, H: Matrix) -> Matrix:
+    """(n, r) what spans the columns (n, k), with unit energy each and none between them: H is I."""
+    factor = np.linalg.cholesky(H).T
+    U, sizes, _ = np.linalg.svd(factor @ shapes, full_matrices=False)
+    return np.asarray(np.linalg.solve(factor, U[:, sizes > _ALIKE * sizes[0]]))
+
+
+def loop_of(task: TaskPlan, name: str) -> SampledStage | None:
+    """A stage of a task at its equilibrium, analysed once for all who ask; see `analyse`."""
+    if name not in task.loops:
+        stage = task.stages[name]
+        task.loops[name] = stage.design.loop or analyse(compiled_stage(task, name))
+    found: SampledStage | None = task.loops[name]
+    return found
+
+
+def control_of(stage: StagePlan) -> str:
+    """What the stability of a stage depends on: stages that have it in common need one look."""
+    axes = {
+        name: _kind(axis)
+        for name, axis in stage.spec.axes.items()
+        if _kind(axis) != _kind(AxisEntry())
+    }
+    law = stage.law.model_dump_json()
+    # After a path of joints the arm is another.
+    arm = stage.context.start.tobytes()
+    return repr((sorted(axes.items()), stage.frame.name, law, sorted(stage.spec.constraints), arm))
+
+
+def _kind(axis: AxisEntry) -> tuple[object, ...]:
+    return (
+        axis.has_force,
+        axis.mode.loop,
+        axis.stiffness,
+        axis.damping,
+    )
+
+
+def loop_like(task: TaskPlan, name: str) -> SampledStage | None:
+    """The loop of a stage, or that of an earlier one with its control that presses on the same."""
+    stage = task.stages[name]
+    control = control_of(stage)
+    for earlier in task.loops:
+        other: SampledStage | None = task.loops[earlier]
+        if other is None or other.meets or {*other.pressed} != {*stage.contacts.pressed}:
+            continue
+        if control_of(task.stages[earlier]) == control:
+            return other
+    return loop_of(task, name)
+
+
+def analyse(stage: CompiledStage) -> SampledStage | None:
+    """A stage at its equilibrium; None where its torque has no derivative there.
+
+    What is analysed is the closed form, which limits and saturation do not change while none of
+    them binds.
+    """
+    plan = stage.plan
+    context, rotation = plan.context, plan.rotation
+    at = Operating(context, stage)
+    pressed, meets = _pressed(context, stage, rotation, at)
+    there = _at_contact(context, pressed)
+    if there is not context:
+        context, at = there, at.there(there)
+    wrench, reactions = np.zeros(6), np.zeros(len(context.equations))
+    sliding = None if meets else _slides(plan, pressed)
+    turns = rotation[:, [a.column for a, p in plan.plans.items() if a.is_rotation and p.force]]
+    plant = linear_plant(context, context.loaded.task, pressed, sliding=sliding, turns=turns)
+    for row in plant.rows:
+        if row.equation is not None:
+            reactions[row.equation] = pressed[row.name]
+            wrench += row.W @ [-pressed[row.name]]
+        elif row.name in pressed and not row.rubs:
+            wrench += row.W @ np.full(len(row.G), pressed[row.name] / len(row.G))
+    at.press(wrench, reactions)
+    controller = at.linear()
+    if not controller.finite:
+        return None
+    return SampledStage(
+        context,
+        stage,
+        rotation,
+        pressed,
+        meets,
+        at,
+        controller,
+        plant,
+        sliding=sliding,
+        turns=turns,
+    )
+
+
+def _at_contact(context: Context, pressed: Mapping[str, float]) -> Context:
+    """The context with the tip where it touches what it presses on; itself where all is flat.
+
+    J, H and the joints stay as they are.
+    """
+    shapes = [name for name in pressed if name in context.surfaces]
+    p = touching(context, context.loaded.task, shapes) if shapes else None
+    return context if p is None else replace(context, start_p=p)
+
+
+def _slides(stage: StagePlan, pressed: Mapping[str, float]) -> Matrix | None:
+    """(3,) how fast the tool slides on the one object that it presses on; None if not known."""
+    if len(pressed) != 1 or stage.path is not None:
+        return None
+    [name], rates = pressed, np.zeros(3)
+    if name not in stage.context.surfaces or name in stage.context.moving_bases:
+        return None
+    for axis, plan in stage.plans.items():
+        rate = plan.mode.constant_rate(stage.known) if plan.mode.moves else 0.0
+        if rate is None or (axis.is_rotation and rate):
+            return None
+        if not axis.is_rotation:
+            rates[axis.row] = rate
+    normal, velocity = stage.contacts.normal(name), stage.rotation @ rates
+    velocity = velocity - normal * float(normal @ velocity)
+    return velocity if float(np.linalg.norm(velocity)) > _SLIDES else None
+
+
+def _along_equation(context: Context, name: str, applied: Matrix) -> float:
+    """What the robot applies along an equation's unit gradient with a force (3,) on the tip [N]."""
+    gradient = context.start_equations[name].gradient
+    assert gradient is not None
+    along, relation = float(gradient @ applied), context.equations[name].constraint.relation
+    # One that lets pass on a side is pressed on from that side.
+    if relation == "=":
+        return along
+    return max(along, LEAST_PRESS) if relation == "<=" else min(along, -LEAST_PRESS)
+
+
+def _pressed(
+    context: Context, stage: CompiledStage, rotation: Matrix, at: Operating
+) -> tuple[dict[str, float], bool]:
+    """What the robot applies to each contact, and whether these are only met."""
+    outputs = at.outputs()
+    found: dict[str, float] = {}
+    for i, name in enumerate(context.equations):
+        relation = context.equations[name].constraint.relation
+        if name in stage.plan.active or relation == "=":
+            wanted = float(outputs["reaction_ref"][i])
+            found[name] = wanted if np.isfinite(wanted) else 0.0
+    local = np.nan_to_num(outputs["force_ref"][:3])
+    applied = rotation @ local
+    for name in stage.plan.contacts.touched:
+        if name in stage.plan.contacts.pressed:
+            found[name] = max(-float(context.start_normals[name] @ applied), LEAST_PRESS)
+    for name in stage.plan.environment.bearers.values():
+        found[name] = _along_equation(context, name, applied)
+    if found or stage.plan.contacts.held:
+        return found, False
+    if stage.plan.met:
+        return {stage.plan.met[0]: LEAST_PRESS}, True
+    return found, False
+
+
+def along(context: Context, rotation: Matrix, name: str, axis: Axis) -> bool:
+    """Whether an axis of a stage is along the normal of object `name`."""
+    if axis.is_rotation:
+        return False
+    normal = context.start_normals[name]
+    return abs(float(rotation[:, AXES.index(axis)] @ normal)) > MOSTLY

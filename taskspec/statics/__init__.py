@@ -1,0 +1,1 @@
+"""What forces and rates can be had at a place, by the linear rows of arm, limits and contacts."""
