@@ -173,11 +173,14 @@ def explain(
     form: Annotated[RunFormat, typer.Option("--format", help="Of the explanation.")] = (
         RunFormat.TEXT
     ),
+    static: Annotated[
+        bool, typer.Option("--static", help="Leave out the trial: what the plan tells alone.")
+    ] = False,
 ) -> int:
-    """Say what a task makes of itself and is expected to do; or what a code means."""
+    """Say what a task makes of itself and comes to in a trial; or what a code means."""
     from taskspec_runner.cli.explain import explain_what
 
-    return explain_what(what, given.sets, given.law, form)
+    return explain_what(what, given.sets, given.law, form, static=static)
 
 
 @_command

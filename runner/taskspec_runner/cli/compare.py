@@ -43,7 +43,7 @@ from taskspec_runner.session import Progress
 
 
 def compare_laws(file: Path, given: Comparing) -> int:
-    """Runs a task file under several laws and tells how they compare."""
+    """Runs a task file under several laws and compares them."""
     from taskspec_runner.cli.comparison import show_comparison
 
     sets, out, quiet = given.sets, given.out, given.quiet

@@ -41,7 +41,7 @@ def run_task(
     loop: str | None = None,
     on: Connects | None = None,
 ) -> int:
-    """Runs a task file and tells how it went; afterwards draws it as a video."""
+    """Runs a task file and reports how it went; afterwards draws it as a video."""
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
     from taskspec_runner.cli.testing.outcome import outcome_of, refused_by
@@ -93,7 +93,7 @@ def run_task(
 
 
 def _check(telemetry: str | None, out: Path | None, video: Path | None) -> None:
-    """Finds out whether there is a way for what is to be written or sent."""
+    """Checks that what is to be written or sent can be."""
     if telemetry is not None:
         from taskspec_runner.loop.telemetry import read_address
 
@@ -118,7 +118,7 @@ class Connects(Protocol):
         """
 
     def link(self, program: Program, say: Callable[[str], None] | None) -> Link:
-        """Waits for the other end; `say` is told that it is waited for.
+        """Waits for the other end; `say` reports that it is waited for.
 
         Raises:
             InputError: it is not there, or not what the program is for.

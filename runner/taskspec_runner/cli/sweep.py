@@ -27,12 +27,12 @@ from taskspec_runner.sweep.worlds import Worlds
 
 #: Worlds where neither the file nor an option says how many.
 WORLDS = 100
-#: Seconds between two looks.
+#: Seconds between two samples.
 _PAUSE = 0.2
 
 
 def sweep_task(file: Path, given: Sweeping) -> int:
-    """Runs a task file in many worlds and tells what they say together."""
+    """Runs a task file in many worlds and reports their statistics."""
     count = given.worlds
     if sum((given.corners, given.grid is not None, count is not None)) > 1:
         raise InputError("--worlds, --corners and --grid each say which worlds: keep one of them")
@@ -57,7 +57,7 @@ def sweep_task(file: Path, given: Sweeping) -> int:
 
 
 def merge_parts(parts: Sequence[Path], given: Sweeping) -> int:
-    """Puts shares of a sweep together and tells what they say."""
+    """Puts shares of a sweep together and reports their statistics."""
     read = [read_written(path) for path in parts]
     first = read[0]
     for path, part in zip(parts, read, strict=True):
@@ -137,7 +137,7 @@ def describe(glimpse: SweepGlimpse) -> str:
     share = 100 * glimpse.good / glimpse.done if glimpse.done else 0.0
     text = f"{glimpse.done} of {glimpse.of} worlds, {share:.1f} % well"
     if not glimpse.rate:
-        return f"{glimpse.done} of {glimpse.of} worlds, more are on their way"
+        return f"{glimpse.done} of {glimpse.of} worlds, more are running"
     return f"{text}, {glimpse.rate:.1f} a second, {_span(glimpse.left)} left"
 
 

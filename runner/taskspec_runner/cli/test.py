@@ -1,4 +1,4 @@
-"""`taskspec test`: runs task files as tests, side by side, and tells what failed."""
+"""`taskspec test`: runs task files as tests, side by side, and reports what failed."""
 
 from __future__ import annotations
 

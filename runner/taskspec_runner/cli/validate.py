@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from taskspec.spec import LoadedTask
 
 _SUFFIXES = (".yaml", ".yml")
-#: Without these a file is read, but nothing that needs a robot can be looked at.
+#: Without these a file is read, but nothing that needs a robot can be checked.
 _NUMERICAL = ("pinocchio", "casadi", "numpy", "scipy")
 #: Without this all but the trial can be done.
 _SIMULATOR = "mujoco"
@@ -55,7 +55,7 @@ def validate_paths(
 
     Args:
         paths: files, and folders of them; `STDIN` by itself.
-        form: how it is told.
+        form: how it is reported.
         strict: whether warnings count as errors.
         select: prefixes of the codes that count, all of them if there are none.
         ignore: prefixes of codes that do not count.
@@ -97,14 +97,14 @@ def task_files(paths: Sequence[Path]) -> Iterator[Path]:
     """
     if STDIN in paths and len(paths) > 1:
         raise InputError("'-' stands for standard input, and for nothing beside it")
-    seen: set[Path] = set()
+    resolved: set[Path] = set()
     for path in paths:
         found = list(_below(path)) if path.is_dir() else [path]
         if not found:
             raise InputError(f"there is no task file in {path}")
         for file in found:
-            if file.resolve() not in seen:
-                seen.add(file.resolve())
+            if file.resolve() not in resolved:
+                resolved.add(file.resolve())
                 yield file
 
 
@@ -191,8 +191,8 @@ Named = TypeVar("Named", Diagnostic, Note)
 class _Found:
     """What is found about a file.
 
-    `unchecked` says what could not be looked at, and why, `world` what is otherwise in the world
-    that was asked of.
+    `unchecked` says what could not be checked, and why, `world` what is otherwise in the world
+    that was examined.
     """
 
     diagnostics: tuple[Diagnostic, ...]
