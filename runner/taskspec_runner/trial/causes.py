@@ -49,6 +49,8 @@ COMMANDED = 0.97
 SATURATED = 0.995
 #: Ticks before an end of which a saturation is read off.
 _SATURATED_TICKS = 50
+#: A tool stays where it is that comes by less nearer to a surface, or farther off it [m].
+_STAYS = 1e-4
 #: A tool that nothing touches follows a force loop, not its reference, if it is so much faster.
 RUNS_AWAY = 1.5
 
@@ -454,7 +456,13 @@ def left_apart(moment: Moment) -> Cause | None:
     if not gap > 0:
         return None
     begun = moment.value(f"{contact}.gap", moment.visit.first)
-    if gap >= begun:
+    if abs(gap - begun) < _STAYS:
+        return Cause(
+            f"it stays {show(gap, 'mm', 3)} off {contact!r}",
+            "move towards it: a velocity until a force is measured",
+            motion_of(moment.stage),
+        )
+    if gap > begun:
         return Cause(
             f"it moves away from {contact!r}, which is {show(gap, 'mm', 3)} off",
             "turn the motion round: coordinates and forces are along the frame's axes",
