@@ -78,12 +78,15 @@ def first_cause(moment: Moment, *finders: Callable[[Moment], Cause | None]) -> C
 # --- what a sensor measures that is no contact ---------------------------------------------------
 
 
-def sensor_error(moment: Moment, named: Collection[str] = ()) -> Cause | None:
+def sensor_error(
+    moment: Moment, named: Collection[str] = (), *, reading: bool = True
+) -> Cause | None:
     """What makes the measured force another than the true one: the largest part of it.
 
     Args:
         moment: to look at.
         named: the axes that matter; none for all.
+        reading: whether the reading of this tick is the one that matters, and is named.
     """
     error = float(np.linalg.norm(moment.error))
     true, measured = moment.force(), moment.force(measured=True)
@@ -100,6 +103,8 @@ def sensor_error(moment: Moment, named: Collection[str] = ()) -> Cause | None:
         counts = [True] * len(moment.axes)
     i = int(np.argmax(np.abs(moment.error) * counts))
     axis = moment.axes[i]
+    if not reading:
+        return cause
     reads = (
         f"force.{axis} is measured as {show(float(measured[i]), 'N', 3)} where the tool applies "
         f"{show(float(true[i]), 'N', 3)}"
