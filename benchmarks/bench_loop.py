@@ -25,7 +25,7 @@ from taskspec.compiler import compile_task
 from taskspec.native.code import Compiling
 from taskspec.spec import load_task
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.fixed_step import ClosedLoop
+from taskspec_runner.loop.closed_loop import ClosedLoop
 from taskspec_runner.loop.native.loop import NativeLoop
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.record.log import Log

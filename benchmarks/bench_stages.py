@@ -20,7 +20,8 @@ from taskspec.native.code import Compiling
 from taskspec.program.program import Program
 from taskspec.spec import load_task
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.fixed_step import NATIVE, PYTHON, ClosedLoop
+from taskspec_runner.loop.closed_loop import ClosedLoop
+from taskspec_runner.loop.fixed_step import NATIVE, PYTHON
 from taskspec_runner.loop.native.loop import NativeLoop
 from taskspec_runner.loop.sensing import Sensing
 

@@ -33,7 +33,8 @@ from taskspec.program.program import Program
 from taskspec.program.worlds import random_world
 from taskspec.spec import load_task
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.fixed_step import LOOP, ClosedLoop
+from taskspec_runner.loop.closed_loop import ClosedLoop
+from taskspec_runner.loop.fixed_step import LOOP
 from taskspec_runner.loop.native.loop import NativeLoop
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.record.layout import LogLayout

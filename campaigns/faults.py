@@ -50,6 +50,7 @@ from taskspec_runner.loop.fixed_step import NATIVE, PYTHON
 from taskspec_runner.record.log import read_log
 from taskspec_runner.record.recorder import BATCH, Recorder
 from taskspec_runner.record.whole import PARTIAL
+from taskspec_runner.result import RunResult
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute_program
 
@@ -286,7 +287,7 @@ def made(work: Path) -> Path:
         (folder / "tap.yaml").write_text(SHORT + VARY, encoding="utf-8")
     (recorded / "map.yaml").write_text(MAP, encoding="utf-8")
     for form in ("csv", "parquet", "mcap"):
-        Run.load(work / "whole").export(form, recorded / f"log.{form}")
+        RunResult.load(work / "whole").export(form, recorded / f"log.{form}")
     task = swept / "tap.yaml"
     ran("compare", task, "--law=parallel", "--law=impedance", "--out", work / "compared")
     ran("sweep", task, "--worlds=4", "--out", swept / "all", "--keep=none")

@@ -10,9 +10,17 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import language_tasks
 import numpy as np
-from truth_tasks import TruthDraft, draft, write_companions
+import truth_tasks
+from language_draft import LanguageDraft
+from truth_tasks import TruthDraft
 
+#: Where files come from: the one that rules were fitted to, and one that reads the language alone.
+GENERATORS = {"workshop": truth_tasks, "language": language_tasks}
+Draft = TruthDraft | LanguageDraft
+#: A file: the name of its generator, its seed and its number.
+Key = tuple[str, int, int]
 #: How much longer a stage is run that is refused though its run ended well.
 LONGER = 10.0
 #: Time of a stage after which it gets a push [s], and the push: velocities of the joints [rad/s].
@@ -82,33 +90,40 @@ class Row:
     clock: float = 0.0
 
 
-def row_of(seed: int, number: int) -> dict[str, Any]:
+def drafted(key: Key) -> Draft:
+    """The draft of a file."""
+    generator, seed, number = key
+    return GENERATORS[generator].draft(seed, number)  # type: ignore[no-any-return]
+
+
+def row_of(generator: str, seed: int, number: int) -> dict[str, Any]:
     """The row of a file."""
-    made = draft(seed, number)
+    key = (generator, seed, number)
+    made = drafted(key)
     text, row = made.written(), Row(number)
     row.scene, row.slip, row.law, row.robot = made.kind, made.slip, made.law, made.model
     try:
-        _fill(row, text, (seed, number))
+        _fill(row, text, key)
     except Exception as error:
         row.end = CRASHED
         row.text = f"{type(error).__name__}: {' '.join(str(error).split())}"[:400]
     return asdict(row)
 
 
-def _fill(row: Row, text: str, key: tuple[int, int]) -> None:
+def _fill(row: Row, text: str, key: Key) -> None:
     from taskspec.compiler import admit
-    from taskspec.examination import examine
     from taskspec.program.program import refusals
     from taskspec.spec import load_text
     from taskspec.text.diagnostic import SpecError
     from taskspec_runner.session import execute_program
+    from taskspec_runner.trial.check import check
 
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        write_companions(folder)
+        GENERATORS[key[0]].write_companions(folder)
         began = time.process_time()
         try:
-            examined = examine(load_text(text, "task.yaml", base=folder))
+            examined = check(load_text(text, "task.yaml", base=folder))
         except SpecError as error:
             row.looked = time.process_time() - began
             row.said = said(text, error.diagnostics)
@@ -155,7 +170,7 @@ def _stages_by_line(text: str) -> dict[int, str]:
         if line and not line.startswith(" "):
             inside = line == "stages:"
         elif inside and line.startswith("  ") and line[2] != " ":
-            name = line.strip().removesuffix(":")
+            name = line.strip().partition(":")[0]
         if inside and name:
             stages[number] = name
     return stages
@@ -199,9 +214,9 @@ def _measure(row: Row, run: Any) -> None:
 # --- longer, after a push ------------------------------------------------------------------------
 
 
-def _run_longer(row: Row, key: tuple[int, int], stage: str, folder: Path) -> None:
+def _run_longer(row: Row, key: Key, stage: str, folder: Path) -> None:
     """Runs a file with a stage that is longer, with and without a push in it."""
-    made = draft(*key)
+    made = drafted(key)
     if stage not in made.stages:
         row.longer = "no stage is accused"
         return
@@ -230,7 +245,7 @@ class Watched:
     motion: np.ndarray
 
 
-def _watched(made: TruthDraft, stage: str, push: float, folder: Path) -> Watched:
+def _watched(made: Draft, stage: str, push: float, folder: Path) -> Watched:
     from taskspec.compiler import admit
     from taskspec.examination import examine
     from taskspec.spec import load_text
@@ -274,7 +289,7 @@ def _growth(calm: np.ndarray, pushed: np.ndarray) -> float:
     return max(last / before, last / first / 10)
 
 
-def _is_near(key: tuple[int, int], row: Row, folder: Path) -> bool:
+def _is_near(key: Key, row: Row, folder: Path) -> bool:
     """Whether nothing refuses the file where contacts are a little softer, or gains a little else.
 
     What is stable, and refused for a gain that is on the boundary, is near by what it says: where
@@ -289,7 +304,7 @@ def _is_near(key: tuple[int, int], row: Row, folder: Path) -> bool:
         return False
     if all("on the boundary of stability" in each["text"] for each in errors):
         return True
-    softer, lower, higher = draft(*key), draft(*key), draft(*key)
+    softer, lower, higher = drafted(key), drafted(key), drafted(key)
     softer.soften(INSIDE)
     lower.gain_factor, higher.gain_factor = INSIDE, 1 / INSIDE
     return any(

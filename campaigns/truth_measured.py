@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec_runner.verdict.oscillation import LEAST_FORCE, LEAST_MOMENT, LEAST_SPEED
 from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS
+from taskspec_runner.verdict.oscillation import LEAST_FORCE, LEAST_MOMENT, LEAST_SPEED
 
 Vector = NDArray[np.float64]
 

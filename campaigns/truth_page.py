@@ -20,14 +20,11 @@ PREFACE = """\
 `taskspec validate` says of a file what its run will do. This page holds what it says against runs
 of random files. `make truth` makes it.
 
-**The files.** Every robot, law, shape and mechanism; tools that go into holes, slots and grooves,
-buttons that are pushed, frames that track a force or a motion; sensors with noise, delay and
-filters; 250 Hz to 2 kHz; `solve: qp`; given and designed gains; contacts of 1 to 300 kN/m,
-uniform in the logarithm; templates, included files, repeats, limits that lead to a stage, ways
-home by the joints. Each is what an engineer may write, a quarter of them with one slip: a gain
-that is too high, a motion that is too fast or too far, a limit that is too low, too little time,
-a guard on a force that does not come, a sensor that is late. A file is its seed and its number:
-`python campaigns/truth_tasks.py SEED NUMBER` prints it.
+**The files** come from two generators. [`workshop`](#workshop) has grown with the rules: what its
+files showed was put right. [`language`](#language) is written from [the language](language.md)
+alone and reads nothing of the rules, so that none of them was fitted to its files. A file is its
+seed and its number: `python campaigns/truth_tasks.py SEED NUMBER` and
+`python campaigns/language_tasks.py SEED NUMBER` print it.
 
 **The runs.** Each file is validated and run; one that is refused is run in spite of it, if it
 compiles. A run is good if it comes to its end, meets its expectations, and neither oscillates nor
@@ -44,22 +41,41 @@ announces which is in `campaigns/announcements.yaml`.
 **Run ahead.** Where looks at single stages leave a doubt, `validate` runs the closed loop ahead
 itself, on a plain plant that knows nothing of the simulator's solver, with the sensor's noise of a
 run's first seed: see [the language](language.md#tasks-that-are-run-ahead).
+
+**Disagreements.** Of a bad run that was not announced a table has why, where it was traced, else
+how it ended; of a good run that was warned of, each warning, and what the run did of it, measured
+in its log by `campaigns/truth_measured.py`. *Seen* is what came to the size that was told, or to
+90 % of the bound that it is near to: the warning is true, and the run ends well all the same. *Not
+seen in the run* is a false alarm about this run. *Of what the run does not show* is a warning about
+another world, or about what a run has no measure of.
 """
+#: What the files of each generator are.
+FILES = {
+    "workshop": """\
+Every robot, law, shape and mechanism; tools that go into holes, slots and grooves,
+buttons that are pushed, frames that track a force or a motion; sensors with noise, delay and
+filters; 250 Hz to 2 kHz; `solve: qp`; given and designed gains; contacts of 1 to 300 kN/m,
+uniform in the logarithm; templates, included files, repeats, limits that lead to a stage, ways
+home by the joints. Each is what an engineer may write, a quarter of them with one slip: a gain
+that is too high, a motion that is too fast or too far, a limit that is too low, too little time,
+a guard on a force that does not come, a sensor that is late.
+""",
+    "language": """\
+Thirteen scenes with round numbers, as different users write them: presses and strokes on planes
+that lean, boxes, pipes and domes; planar arms; moves in the air; mechanisms that are held or
+pushed; equations; insertion; compliance; probing in loops; contours; loose bodies; things that
+move; corners. Beside them habits: gains, sensors, faults, templates, programs, worlds that vary or
+are otherwise in truth. A third has one typical mistake: a wrong sign or unit, too fast, too strong,
+too far, too little time, a guard that never holds, a limit that is too low, a gain that is too
+high, an arm in another place, a world that is otherwise, an expectation that nothing meets, a
+payload or a noise that is too large, what breaks on the way, a slip of the pen.
+""",
+}
 #: Of a seed whose disagreements were looked into.
 TRACED = (
     "The causes of disagreements were traced on this seed, rules were mended by them, and the rows",
     "of files that a change concerns were made anew: its shares flatter. A seed that nobody has",
     "looked at tells what other files are to expect.",
-    "",
-)
-#: What the last column of the table of disagreements is.
-DISAGREEMENTS = (
-    "Of a bad run that was not announced: why, where it was traced, else how it ended. Of a good",
-    "run that was warned of: each warning, and what the run did of it, measured in its log by",
-    "`campaigns/truth_measured.py`. *Seen* is what came to the size that was told, or to",
-    "90 % of the bound that it is near to: the warning is true, and the run ends well all the",
-    "same. *Not seen in the run* is a false alarm about this run. *Of what the run does not show*",
-    "is a warning about another world, or about what a run has no measure of.",
     "",
 )
 SEVERITIES = ("silent", "warning", "error")
@@ -84,15 +100,31 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
     return ["| " + " | ".join(map(str, line)) + " |" for line in lines]
 
 
-def page(seed: int, rows: Sequence[Judged], reasons: Mapping[int, str]) -> str:
-    """The text of docs/truth.md."""
+def page(seed: int, judged: Mapping[str, Sequence[Judged]]) -> str:
+    """The text of docs/truth.md: what is promised, and a part for each generator."""
+    from truth import explanations
+
+    parts = [
+        part
+        for name, rows in judged.items()
+        for part in section(name, seed, rows, explanations(name, seed))
+    ]
+    return "\n".join([PREFACE, *parts]).rstrip("\n") + "\n"
+
+
+def section(
+    generator: str, seed: int, rows: Sequence[Judged], reasons: Mapping[int, str]
+) -> list[str]:
+    """What came of the files of a generator, line by line."""
     from truth import shares
 
     made = "; ".join(Counter(str(row.row.get("sources", "")) for row in rows))
     ran = [row for row in rows if row.ran]
     cpu = sum(row.row["looked"] for row in rows) / max(len(rows), 1)
-    lines = [
-        PREFACE,
+    return [
+        f"## {generator.capitalize()}",
+        "",
+        FILES[generator],
         f"Seed {seed}, {len(rows)} files, {len(ran)} of them run; taskspec {made}",
         "(`python campaigns/truth.py --sources` says that of a tree);",
         f"{cpu:.2f} s of processor time to validate one.",
@@ -112,26 +144,25 @@ def page(seed: int, rows: Sequence[Judged], reasons: Mapping[int, str]) -> str:
             ),
         ),
         "",
-        "## What was said, and how the runs ended",
+        f"### {generator.capitalize()}: what was said, and how the runs ended",
         "",
         *by_end(ran, SEVERITIES, lambda row: (row.severity,)),
         "",
-        "## By code",
+        f"### {generator.capitalize()}: by code",
         "",
         "A run counts once for each code that was found in its file.",
         "",
         *by_end(ran, sorted({c for row in ran for c in row.codes}), lambda row: row.codes),
         "",
-        "## By law",
+        f"### {generator.capitalize()}: by law",
         "",
         *by_law(rows),
         "",
-        "## Disagreements",
+        f"### {generator.capitalize()}: disagreements",
         "",
-        *DISAGREEMENTS,
         *disagreements(rows, reasons),
+        "",
     ]
-    return "\n".join(lines) + "\n"
 
 
 def _end(row: Judged) -> str:

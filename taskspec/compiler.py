@@ -11,12 +11,8 @@ from numpy.typing import NDArray
 
 from taskspec.examined import Examination
 from taskspec.planning import plan_task
-from taskspec.program.errors import spec_error
-from taskspec.program.plan import TaskPlan
-from taskspec.program.program import Program, refusals
-from taskspec.program.signals import UnknownSignalError
-from taskspec.program.stages.stage import CompiledStage, compile_stage
-from taskspec.spec import FILE, LoadedTask
+from taskspec.program.program import Program, compiled, refusals
+from taskspec.spec import LoadedTask
 from taskspec.text.diagnostic import SpecError
 
 Vector = NDArray[np.float64]
@@ -58,7 +54,7 @@ def admit(examined: Examination, *, force: bool = False) -> Program:
     if plan is None or (against and not lifted):
         raise SpecError(findings, sources)
     try:
-        return Program(plan, _stages(plan), findings)
+        return Program(plan, compiled(plan), findings)
     except Exception as error:
         if against:
             # Behind an error that was lifted nothing is promised to the compiler.
@@ -84,15 +80,4 @@ def compile_unchecked(loaded: LoadedTask) -> Program:
         SpecError: the robot, its start, a frame or an axis is not as the file says.
     """
     plan = plan_task(loaded)
-    return Program(plan, _stages(plan))
-
-
-def _stages(task: TaskPlan) -> tuple[CompiledStage, ...]:
-    loaded, stages = task.context.loaded, []
-    for name in task.stages:
-        try:
-            stages.append(compile_stage(task.follow(name)))
-        except UnknownSignalError as error:
-            message = f"stage {name!r} cannot evaluate {error}"
-            raise spec_error(loaded, FILE.stages[name], "TS224", message) from error
-    return tuple(stages)
+    return Program(plan, compiled(plan))

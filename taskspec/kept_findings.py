@@ -60,12 +60,12 @@ def findings_key(path: Path, options: Sequence[str], makers: Sequence[Path] = ()
     Args:
         path: the file as it was named.
         options: overrides and whatever else changes what is found, in their order.
-        makers: further modules that it follows from.
+        makers: folders of further packages that it follows from.
     """
     digest = digest_of(path)
     if digest is None:
         return None
-    made = [_fact(maker.stat(), str(maker)) for maker in makers]
+    made = [fact for maker in makers for fact in sorted(_facts(maker))]
     named = (str(path), os.path.realpath(path), str(project(path.parent)))
     return repr((_made_by(), made, os.environ.get(VARIABLE), named, digest, *options))
 

@@ -10,9 +10,10 @@ if TYPE_CHECKING:
 
     from taskspec.spec import LoadedTask
     from taskspec_runner.link.robot import TorqueRobot
+    from taskspec_runner.result import RunResult
     from taskspec_runner.runs import Run
 
-__all__ = ["Run", "read", "run"]
+__all__ = ["Run", "RunResult", "read", "run"]
 
 
 def run(
@@ -28,7 +29,7 @@ def run(
     robot: str | TorqueRobot | None = None,
     lost: Literal["catch-up", "hold"] = "catch-up",
     stop_after: int = 20,
-) -> Run:
+) -> RunResult:
     """Runs a task in simulation, as `taskspec run` does.
 
     Args:
@@ -40,8 +41,8 @@ def run(
         report: whether to render `report.html`.
         telemetry: where to send signals while it runs, such as `udp://127.0.0.1:9870`.
         force: whether to run it in spite of errors behind which it still compiles.
-        loop: what runs its ticks; the numbers are the same. None for machine code as soon as there
-            is some, and Python until then.
+        loop: what runs its ticks; the numbers are the same. None for machine code where there can
+            be some: the interpreter in a short run, code of the task's own in a long one.
         robot: to run it on instead of in simulation: an address such as `udp://127.0.0.1:39017`, or
             a `taskspec_runner.link.robot.TorqueRobot`. What is judged then is what was measured;
             `seed` and `world` are not used.
@@ -87,7 +88,7 @@ def _run_on(
     telemetry: str | None,
     report: bool,
     force: bool,
-) -> Run:
+) -> RunResult:
     from taskspec.compiler import compile_task
     from taskspec_runner.link.found import open_robot
     from taskspec_runner.link.on_robot import LostPolicy, OnRobot
@@ -105,7 +106,7 @@ def _run_on(
         link.finish("the run was broken off")
 
 
-def read(folder: str | os.PathLike[str]) -> Run:
+def read(folder: str | os.PathLike[str]) -> RunResult:
     """Reads a run that was made; of one that was killed, what there is.
 
     Args:
@@ -116,9 +117,9 @@ def read(folder: str | os.PathLike[str]) -> Run:
     """
     from pathlib import Path
 
-    from taskspec_runner.runs import Run
+    from taskspec_runner.result import RunResult
 
-    return Run.load(Path(folder))
+    return RunResult.load(Path(folder))
 
 
 def __getattr__(name: str) -> object:
@@ -127,4 +128,8 @@ def __getattr__(name: str) -> object:
         from taskspec_runner.runs import Run
 
         return Run
+    if name == "RunResult":
+        from taskspec_runner.result import RunResult
+
+        return RunResult
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -8,16 +8,14 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred import pa
-from taskspec.deferred_methods import dataclass
 from taskspec.text.suggest import suggestion
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.block import LeftTicks
@@ -39,6 +37,7 @@ from taskspec_runner.record.lock import holder
 from taskspec_runner.record.log import Log
 from taskspec_runner.record.manifest import FORMAT, run_mark
 from taskspec_runner.record.names import BLOCK, LOG, REPORT, SUMMARY, TASK
+from taskspec_runner.record.visits import StageVisit, judged_visits, logged_visits
 from taskspec_runner.signals import LoggedSignal, LoggedSignals
 from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.judged import Judged, read_judged
@@ -48,7 +47,6 @@ from taskspec_runner.verdict.run_finding import RunFinding, read_finding
 if TYPE_CHECKING:
     from taskspec.program.program import Program
     from taskspec.program.worlds import World
-    from taskspec_runner.report.overview import Picture
 
 #: Rows of a log that are in memory at a time where it goes by: 8 MB at 100 columns.
 ROWS = 10_000
@@ -56,27 +54,6 @@ ROWS = 10_000
 
 class RebuildError(Exception):
     """The task of a run cannot be compiled again; the message says why."""
-
-
-@dataclass(frozen=True, slots=True)
-class StageVisit:
-    """One stay in a stage.
-
-    Attributes:
-        stage: its name.
-        number: 1 for the first visit.
-        start, end: run time [s].
-        law, frame: under and in which it ran, empty where unknown.
-        ended_by: the event that ended it, as the summary has it.
-    """
-
-    stage: str
-    number: int
-    start: float
-    end: float
-    law: str = ""
-    frame: str = ""
-    ended_by: Json = field(default_factory=dict)
 
 
 class Window:
@@ -185,7 +162,7 @@ class Run(Window):
         content: bytes,
         summary: Json,
         history: History,
-    ) -> Run:
+    ) -> Self:
         """The run that a folder was just written with; nothing of it is read back.
 
         Args:
@@ -206,7 +183,7 @@ class Run(Window):
         )
 
     @classmethod
-    def load(cls, folder: Path) -> Run:
+    def load(cls, folder: Path) -> Self:
         """The run of a folder; of one that was killed, what there is.
 
         Raises:
@@ -219,7 +196,7 @@ class Run(Window):
         _ = run.manifest
         return run
 
-    def save(self, folder: str | Path) -> Run:
+    def save(self, folder: str | Path) -> Self:
         """Writes the run into another folder; an earlier run in that is replaced.
 
         Returns:
@@ -245,7 +222,7 @@ class Run(Window):
                 into.write_json(SUMMARY, summary)
             sums = {name: into.digest(name) for name in (TASK, LOG, SUMMARY)}
             into.note(**manifest | {"format": FORMAT, "sha256": sums})
-        return Run(folder, content=content, summary=summary, history=history)
+        return type(self)(folder, content=content, summary=summary, history=history)
 
     @cached_property
     def evidence(self) -> Evidence:
@@ -478,7 +455,7 @@ class Run(Window):
     @cached_property
     def visits(self) -> tuple[StageVisit, ...]:
         """Stays in stages, in order."""
-        return _visits(self.summary) or _logged_visits(self.history)
+        return judged_visits(self.summary) or logged_visits(self.history)
 
     @property
     def to_rest(self) -> Window | None:
@@ -606,82 +583,17 @@ class Run(Window):
         """Why, in a sentence."""
         return verdict(self).sentence
 
-    # How it is looked at. What draws and writes stands on runs, and is imported when it is asked.
-
     @property
     def report(self) -> Path | None:
         """The report, if there is one."""
         path = self.folder / REPORT
         return path if path.is_file() else None
 
-    def plot(self, *names: str) -> Picture:
-        """A picture of the run, or of some signals.
-
-        Args:
-            names: of signals; those in the same unit share a chart. None for the picture of the
-                report: force against reference, motion and path.
-
-        Raises:
-            KeyError: there is no such signal, or it has no value.
-        """
-        from taskspec_runner.report.overview import Picture, overview_svg
-        from taskspec_runner.report.selection import selected
-
-        for name in names:
-            if not np.isfinite(self.signals[name]).any():
-                raise KeyError(f"signal '{name}' has no value in this run")
-        return Picture(overview_svg(self, selected(self, names) if names else None))
-
-    def export(self, form: str, path: str | Path | None = None) -> Path:
-        """Writes the log as `csv`, `parquet`, `mcap` or `rerun`; see `taskspec export`.
-
-        Raises:
-            InputError: there is no such format, no tick, or a library is missing.
-            OutputError: the file cannot be written.
-        """
-        from taskspec_runner.export import FORMATS, export_run
-
-        if form not in FORMATS:
-            raise InputError(f"there is no format '{form}'; {suggestion(form, FORMATS, 'formats')}")
-        return export_run(self, form, None if path is None else Path(path)).path
-
     def __repr__(self) -> str:
         met = sum(each.passed is True for each in self.expectations)
         text = f"{met} of {len(self.expectations)} expectations met, {self.end:.3f} s"
         return f"<{self.name or 'run'}: {self.verdict}, {text}, in {self.folder}>"
 
-    def _repr_html_(self) -> str:
-        from taskspec_runner.report.notebook import notebook_html
-
-        return notebook_html(self)
-
 
 def _joined(batches: Sequence[pa.RecordBatch]) -> pa.RecordBatch:
     return pa.Table.from_batches(batches).combine_chunks().to_batches()[0]
-
-
-def _visits(summary: Json) -> tuple[StageVisit, ...]:
-    seen: dict[str, int] = {}
-    visits = []
-    for entry in mappings(summary.get("stages")):
-        start, end = number(entry.get("start")), number(entry.get("end"))
-        if start is None or end is None:
-            return ()
-        name = str(entry.get("name", ""))
-        seen[name] = seen.get(name, 0) + 1
-        law, frame = str(entry.get("law") or ""), str(entry.get("frame") or "")
-        ended_by = mapping(entry.get("ended_by"))
-        visits.append(StageVisit(name, seen[name], start, end, law, frame, ended_by))
-    return tuple(visits)
-
-
-def _logged_visits(history: History) -> tuple[StageVisit, ...]:
-    clock = history.columns.get("clock", np.zeros(0))
-    seen: dict[str, int] = {}
-    visits = []
-    for each in history.visits():
-        seen[each.stage] = seen.get(each.stage, 0) + 1
-        after = min(each.last + 1, len(clock) - 1)
-        start, end = float(clock[each.first]), float(clock[after])
-        visits.append(StageVisit(each.stage, seen[each.stage], start, end))
-    return tuple(visits)

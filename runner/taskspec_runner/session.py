@@ -19,14 +19,8 @@ from taskspec.spec import LoadedTask
 from taskspec_runner.errors import InputError, OutputError, RunCrashedError
 from taskspec_runner.link.link import Link, link_summary
 from taskspec_runner.loop.assembly import Assembly, assemble
-from taskspec_runner.loop.fixed_step import (
-    PYTHON,
-    STOPPED,
-    Driven,
-    Outcome,
-    TickSink,
-    loop_wanted,
-)
+from taskspec_runner.loop.driven import Driven, TickSink
+from taskspec_runner.loop.fixed_step import PYTHON, STOPPED, Outcome, loop_wanted
 from taskspec_runner.loop.fixed_step import run as simulate
 from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
 from taskspec_runner.loop.telemetry import Tap, Telemetry
@@ -34,7 +28,7 @@ from taskspec_runner.record import manifest
 from taskspec_runner.record.folder import RunFolder, open_folder
 from taskspec_runner.record.log import Log
 from taskspec_runner.record.names import TASK
-from taskspec_runner.runs import Run
+from taskspec_runner.result import RunResult
 from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.performance import solver_counts
 from taskspec_runner.verdict.stopping import stopping
@@ -78,7 +72,7 @@ def execute(
     force: bool = False,
     loop: str | None = None,
     link: Link | None = None,
-) -> Run:
+) -> RunResult:
     """Compiles a task, runs it and leaves the run's folder; see `execute_program`.
 
     Args:
@@ -128,7 +122,7 @@ def execute_program(
     telemetry: Telemetry | None = None,
     loop: str | None = None,
     link: Link | None = None,
-) -> Run:
+) -> RunResult:
     """Runs a compiled task and leaves the run's folder.
 
     Args:
@@ -140,7 +134,7 @@ def execute_program(
         report: whether to render `report.html`.
         telemetry: gets the signals as the run goes on.
         loop: `native` or `python`, which give the same; None for what `TASKSPEC_LOOP` names, else
-            for machine code as soon as there is some, and Python until then.
+            for machine code where there can be some.
         link: the robot that it runs on, or what serves its plant, for which Python runs all ticks;
             None for a plant in this process.
 
@@ -177,14 +171,14 @@ class _Manner:
     link: Link | None = None
 
 
-def _execute(program: Program, out: Path | None, manner: _Manner) -> Run:
+def _execute(program: Program, out: Path | None, manner: _Manner) -> RunResult:
     loaded = program.context.loaded
     content = manifest.task_bytes(loaded)
     with open_folder(out, loaded.task.name) as folder:
         return _kept(program, folder, content, manner)
 
 
-def _kept(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -> Run:
+def _kept(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -> RunResult:
     """Makes a run in its folder; whatever happens, the manifest says it."""
     try:
         with folder.failures_noted():
@@ -214,7 +208,7 @@ def _kept(program: Program, folder: RunFolder, content: bytes, manner: _Manner) 
         raise RunCrashedError(folder.path, trace, reason) from error
 
 
-def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -> Run:
+def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -> RunResult:
     began = time.perf_counter()
     simulated, log = _simulate(program, folder, manner)
     wall = time.perf_counter() - began
@@ -237,7 +231,7 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
         loop=outcome.loop,
         why_python=outcome.why_python or None,
     )
-    run = Run.written(folder, program, content, summary, history)
+    run = RunResult.written(folder, program, content, summary, history)
     if manner.report:  # It needs jinja2, which a run does not.
         from taskspec_runner.report import write_report
 

@@ -13,13 +13,12 @@ from taskspec.control.state import TaskState
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import Gains, diagonal
-from taskspec.laws.mechanism_form import FreeWays
 from taskspec.laws.multipliers import Multipliers
 
 
 @dataclass(frozen=True, slots=True)
 class JointReference:
-    """What a path of joints asks for at one instant.
+    """The references of a path of joints at one instant.
 
     Attributes:
         error: (n,) q_d - q [rad, m].
@@ -29,6 +28,21 @@ class JointReference:
     error: ca.SX
     velocity: ca.SX
     acceleration: ca.SX
+
+
+@dataclass(frozen=True, slots=True)
+class FreeWays:
+    """Twists of the control point that a held mechanism leaves free, on the task axes.
+
+    Attributes:
+        driven: (m, d) those that motion axes drive.
+        others: (m, o) the rest.
+        rate: a [1/s] of the damper; see `laws.mechanism_form`.
+    """
+
+    driven: ca.SX
+    others: ca.SX
+    rate: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +104,7 @@ class Case:
         return opposite(wrench)
 
     def joint_motion(self) -> ca.SX:
-        """q'' (n,) that the motion loops ask for, whatever constrains the arm."""
+        """q'' (n,) that the motion loops command, whatever constrains the arm."""
         reference, state = self.reference, self.state
         acceleration = (
             reference.acceleration

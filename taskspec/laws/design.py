@@ -1,21 +1,17 @@
 """Designed gains: rules for what a file leaves out, shared by the laws (docs/language.md).
 
-A designed gain follows from the mass h that the axis feels, the nominal contact stiffness k and
+A designed gain follows from the effective mass h of the axis, the nominal contact stiffness k and
 the control period T, so that a task file need not know any of them.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from taskspec.laws.gains import AxisDesign, AxisPlant, Gain
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from taskspec.laws.law import ControlLaw
 
 _SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
 _MOTION_BANDWIDTH = 5.0
@@ -27,7 +23,20 @@ INTEGRAL_FREQUENCY = 2.0
 _REACTION_GAIN = 0.5
 
 
-def accelerations(law: ControlLaw, axis: AxisDesign) -> dict[str, Gain]:
+class DesignedLaw(Protocol):
+    """The facts of a law that the rules go by; see `laws.law.ControlLaw`."""
+
+    @property
+    def gain_names(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def force_loop(self) -> bool: ...  # noqa: D102
+    @property
+    def natural(self) -> bool: ...  # noqa: D102
+    @property
+    def damps_joints(self) -> bool: ...  # noqa: D102
+
+
+def accelerations(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
     """Gains of an axis that either moves by acceleration, is soft, or follows a force."""
     if axis.force:
         return force_loop(law, axis)
@@ -44,14 +53,14 @@ def accelerations(law: ControlLaw, axis: AxisDesign) -> dict[str, Gain]:
     }
 
 
-def springs(law: ControlLaw, axis: AxisDesign) -> dict[str, Gain]:
+def springs(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
     """Gains of an axis that a spring and a damper hold, beside a force loop if the law has one."""
     plant = axis.plant
-    # Where the arm keeps its own inertia, an axis moves the mass that it feels while the springs
+    # Where the arm keeps its own inertia, an axis moves its effective mass while the springs
     # of the other axes hold them: at the wrist ten times the free one.
     smallest = _SMALLEST_MASS["angular" if axis.rotation else "linear"]
     h = max(plant.held if law.natural else plant.h, smallest)
-    mass = axis.of_the_law("mass") or Gain(h, "designed: mass felt on the axis")
+    mass = axis.of_the_law("mass") or Gain(h, "designed: effective mass of the axis")
     # The inverse-dynamics core leaves nothing to move but `mass`, so that is what dampers stop.
     moved = plant if law.natural else replace(plant, h=mass.value)
     stiffness = (
@@ -80,7 +89,7 @@ def springs(law: ControlLaw, axis: AxisDesign) -> dict[str, Gain]:
     return gains | {"damping": damping or _spring_damping(mass, stiffness, k, moved)}
 
 
-def force_loop(law: ControlLaw, axis: AxisDesign, damping: Gain | None = None) -> dict[str, Gain]:
+def force_loop(law: DesignedLaw, axis: AxisDesign, damping: Gain | None = None) -> dict[str, Gain]:
     """Gains of a force loop on an axis or an equation.
 
     Args:

@@ -21,18 +21,13 @@ K_D T of a rate, whatever the condition of M = L^-1.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import casadi as ca
 
 from taskspec.control import linear
 from taskspec.control.command import Command
 from taskspec.control.state import ARM_LENGTH
-from taskspec.deferred_methods import dataclass
-
-if TYPE_CHECKING:
-    from taskspec.geometry.axis import Axis
-    from taskspec.laws.case import Case
+from taskspec.geometry.axis import Axis
+from taskspec.laws.case import Case, FreeWays
 
 #: The damper takes away what it damps at this rate [1/s], or at a third of the sampling's.
 _RATE = 100.0
@@ -41,21 +36,6 @@ _RATE = 100.0
 def damping_rate(period: float) -> float:
     """a [1/s] of the damper of the form, with a control period [s]."""
     return min(_RATE, 1 / (3 * period))
-
-
-@dataclass(frozen=True, slots=True)
-class FreeWays:
-    """Twists of the control point that a held mechanism leaves free, on the task axes.
-
-    Attributes:
-        driven: (m, d) those that motion axes drive.
-        others: (m, o) the rest.
-        rate: a [1/s].
-    """
-
-    driven: ca.SX
-    others: ca.SX
-    rate: float
 
 
 def command(
@@ -102,14 +82,14 @@ def command(
 
 
 def _clear_of(T: ca.SX, others: ca.SX, L: ca.SX) -> ca.SX:
-    """The same ways, without what the arm would move along the others as it drives them."""
+    """The same directions, without what the arm would move along the others as it drives them."""
     if not (T.shape[1] and others.shape[1]):
         return T
     return T - others @ linear.small_solve(others.T @ L @ others, others.T @ L @ T)
 
 
 def _inverse(T: ca.SX, axes: list[Axis]) -> ca.SX:
-    """T^+ (d, r) of the driven rows (r, d); angles count as ways of the arm's length."""
+    """T^+ (d, r) of the driven rows (r, d); angles count as distances at the arm's length."""
     weight = ca.diag(ca.DM([ARM_LENGTH**2 if a.is_rotation else 1.0 for a in axes]))
     return linear.small_solve(T.T @ weight @ T, T.T @ weight)
 

@@ -4,8 +4,9 @@ To add one, derive it from `AxisMode`, and `register` it before the language is 
 file needs no numerical library, so a mode's module imports none before it is asked.
 """
 
-from taskspec.modes.follows import Coupling, Follows, UncoupledError
-from taskspec.modes.force import DEFAULT_RAMP, Force, OpenLoop
+from taskspec.modes.coupling import Coupling, UncoupledError
+from taskspec.modes.follows import Follows
+from taskspec.modes.force import DEFAULT_RAMP, Force
 from taskspec.modes.free import FreeAxis
 from taskspec.modes.hold import Hold
 from taskspec.modes.key import Misuse, ModeKey
@@ -25,6 +26,7 @@ from taskspec.modes.mode import (
 )
 from taskspec.modes.move import Move
 from taskspec.modes.on_path import OnPath
+from taskspec.modes.open_loop import OpenLoop
 from taskspec.modes.position import Position
 from taskspec.modes.registry import (
     MODES,

@@ -7,11 +7,10 @@ move in step, else the one that is measured.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
+from taskspec.modes.coupling import Coupling, UncoupledError
 from taskspec.modes.key import ModeKey
 from taskspec.modes.mode import (
     AxisMode,
@@ -21,30 +20,9 @@ from taskspec.modes.mode import (
     StageStart,
     from_start,
 )
-
-if TYPE_CHECKING:
-    from taskspec.program.plan import StagePlan
+from taskspec.modes.stage import PlannedStage
 
 _ALIGNED = 1e-6
-
-
-class UncoupledError(ValueError):
-    """Why a mechanism's geometry asks for no motion of an axis; `hint` says what to do."""
-
-    def __init__(self, message: str, hint: str) -> None:
-        super().__init__(message)
-        self.hint = hint
-
-
-@dataclass(frozen=True, slots=True)
-class Coupling:
-    """How one axis follows: `ratio` times the reference of `leader`, else times the angle.
-
-    The ratio is in m/rad or rad/rad; it is 0 where the frame itself turns with the handle.
-    """
-
-    ratio: float
-    leader: Axis | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +77,7 @@ class Follows(AxisMode):
             going.offset, going.slope, going.time, going.pressed, {**begin, **going.parameters}
         )
 
-    def coupling(self, stage: StagePlan, axis: Axis) -> Coupling:
+    def coupling(self, stage: PlannedStage, axis: Axis) -> Coupling:
         """How it follows the mechanism.
 
         Args:
@@ -140,8 +118,7 @@ class Follows(AxisMode):
             return Coupling(float(np.sign(along)), None)
         leader = Axis(f"r{axis}")
         plan = stage.plans.get(leader)
-        commanded = plan is not None and plan.motion and not plan.force and plan.mode.leads
-        if commanded and plan is not None and not plan.axis.is_soft:
+        if plan is not None and plan.leads:
             return Coupling(mechanism.lead, leader)
         return Coupling(float(np.sign(along)) * mechanism.lead, None)
 

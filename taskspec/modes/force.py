@@ -3,27 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
-from taskspec.laws.gains import value_of
 from taskspec.modes.key import ModeKey
-from taskspec.modes.mode import (
-    AxisMode,
-    Blending,
-    HandOver,
-    OwnReference,
-    ReferenceInputs,
-    StageStart,
-    move_speed,
-)
-from taskspec.motion import blend
 from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.units import FORCE, TIME, show
-
-if TYPE_CHECKING:
-    from taskspec.geometry.axis import Axis
 
 #: A force set point rises from the measured force in this time [s] (docs/language.md).
 DEFAULT_RAMP = 0.2
@@ -93,32 +78,3 @@ class Force:
         """Its ramp, where a file leaves that out."""
         if self.ramp is None:
             yield "ramp", show(self.rise, TIME)
-
-
-@dataclass(frozen=True, slots=True)
-class OpenLoop(AxisMode):
-    """A force under a law without a force loop: it displaces the reference of a spring."""
-
-    name = "open-loop"
-
-    def reference(self, at: ReferenceInputs) -> OwnReference:
-        """r = r_0 + f (1/k_m + 1/k_e): a displacement that stands for a force asks no motion."""
-        own = 1 / value_of(at.plan.gains, "stiffness", at.axis)
-        k = at.plan.stiffness_of(at.axis)
-        contact = 1 / k if k > 0 and not at.axis.is_rotation else 0.0
-        displacement = at.forces[at.axis] * (own + contact)
-        return OwnReference(at.start + displacement, ca.SX(0), ca.SX(0))
-
-    def blended(self, own: OwnReference, added: Blending) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """The damper is asked for no motion while it is blended either."""
-        return own.value + added.value, own.rate, own.acceleration
-
-    def hand_over(self, at: StageStart) -> HandOver:
-        """The displacement that holds the last force passes into its own."""
-        offset = at.start + at.pressed - at.own
-        time = blend.blend_time(offset, move_speed(rotation=at.axis.is_rotation))
-        return HandOver(offset, 0.0, time, 0.0)
-
-    def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
-        """No motion: the force says it all."""
-        return ""

@@ -20,14 +20,11 @@ from taskspec.text.expression import Expression
 
 if TYPE_CHECKING:
     from taskspec.geometry.axis import Axis
-    from taskspec.modes.follows import Coupling
+    from taskspec.modes.coupling import Coupling
     from taskspec.modes.force import Force
     from taskspec.modes.key import Misuse, ModeKey
+    from taskspec.modes.stage import PlannedStage, StageClock, StageSlots, TrackedAngle
     from taskspec.motion.polynomial import PiecewiseCubic
-    from taskspec.program.clock import Clock
-    from taskspec.program.plan import StagePlan
-    from taskspec.program.reference.tracked_mechanism import TrackedMechanism
-    from taskspec.program.slots import Slots
 
 #: A number, or an expression of what is known when a stage is entered.
 Number = Any
@@ -86,16 +83,16 @@ class ReferenceInputs:
     """
 
     axis: Axis
-    plan: StagePlan
-    clock: Clock
-    parameters: Slots
-    memory: Slots
+    plan: PlannedStage
+    clock: StageClock
+    parameters: StageSlots
+    memory: StageSlots
     translate: Callable[[Expression], ca.SX]
     period: float
     start: ca.SX
     on_path: Mapping[Axis, ca.SX]
     forces: Mapping[Axis, ca.SX]
-    tracked: TrackedMechanism | None
+    tracked: TrackedAngle | None
     others: Mapping[Axis, MovingReference]
     from_rest: ca.SX
 
@@ -157,7 +154,7 @@ class StageStart:
     """
 
     axis: Axis
-    plan: StagePlan
+    plan: PlannedStage
     starts: Mapping[Axis, Number]
     rates: Mapping[Axis, Number]
     pressed: Number
@@ -319,7 +316,7 @@ class AxisMode(ABC):
         """
         return None
 
-    def coupling(self, stage: StagePlan, axis: Axis) -> Coupling | None:  # noqa: ARG002
+    def coupling(self, stage: PlannedStage, axis: Axis) -> Coupling | None:  # noqa: ARG002
         """How a mechanism couples it to the other axes of a stage; None where none does.
 
         Raises:

@@ -1,4 +1,8 @@
-"""Machine code of a run's functions: made once in a process, and kept for the next one."""
+"""Machine code of a run's functions: made once in a process, and kept for the next one.
+
+A function has two tiers: the interpreter, which is there for all functions once it has been made,
+and code of its own, which is faster and takes some hundred milliseconds to compile.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +20,11 @@ from weakref import WeakValueDictionary
 import casadi as ca
 
 from taskspec.deferred_methods import dataclass
+from taskspec.native import interpreter
 from taskspec.native.engine import Engine, NotKeptError
 from taskspec.native.expressions import expression_ir
+from taskspec.native.instructions import instructions
+from taskspec.native.interpreter import INTERPRET, interpreter_ir
 from taskspec.native.kernel import kernel_ir, kernel_source
 
 #: What a function of CasADi's is called in its engine.
@@ -37,11 +44,13 @@ class Compiling(enum.Enum):
         WAIT: it is compiled.
         BESIDE: it is compiled by a thread of its own, and there is none until it has been.
         NOT_YET: there is none.
+        NEVER: there is none even if it is here or kept: the interpreter evaluates all functions.
     """
 
     WAIT = "wait"
     BESIDE = "beside"
     NOT_YET = "not yet"
+    NEVER = "never"
 
 
 @dataclass(frozen=True)
@@ -150,16 +159,34 @@ def expression_engine(function: ca.Function, compiling: Compiling) -> Engine:
         UnsupportedOperationError: it has an operation that machine code lacks.
         NotReadyError: there is none yet.
     """
+    if compiling is Compiling.NEVER:
+        raise NotReadyError
 
     def text() -> bytes:
-        written: str = function.serialize()
-        return kernel_source() + f"{ca.CasadiMeta.version()} {written}".encode()
+        inputs = [function.nnz_in(k) for k in range(function.n_in())]
+        outputs = [function.nnz_out(k) for k in range(function.n_out())]
+        written: bytes = instructions(function).tobytes()
+        return _package() + f"{ca.CasadiMeta.version()} {inputs} {outputs} ".encode() + written
 
     # A function's hash is where it lies.
     source = _Source(
         function.__hash__(), function, text, lambda: expression_ir(function, CODE), level=1
     )
     return _ENGINES.of(source, compiling)
+
+
+def interpreter_engine() -> Engine:
+    """The machine code of the interpreter, which is compiled if it is not kept.
+
+    Raises:
+        EngineError: there is no machine code here.
+    """
+
+    def text() -> bytes:
+        return kernel_source(interpreter) + f"{ca.CasadiMeta.version()}".encode()
+
+    source = _Source(INTERPRET, None, text, interpreter_ir, level=1)
+    return _ENGINES.of(source, Compiling.WAIT)
 
 
 def kernel_engine(
@@ -180,6 +207,12 @@ def kernel_engine(
         function, None, lambda: kernel_source(*modules), lambda: kernel_ir(function), level=2
     )
     return _ENGINES.of(source, compiling)
+
+
+@cache
+def _package() -> bytes:
+    """Stands for the text of this package, by which the code of all functions goes."""
+    return hashlib.sha256(kernel_source()).digest()
 
 
 @cache

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from taskspec.native import libm
+from taskspec.native.instructions import instructions
 
 
 class UnsupportedOperationError(Exception):
@@ -52,28 +53,82 @@ def expression_ir(function: ca.Function, name: str) -> str:
             is another one than CasADi's on this platform.
         TypeError: it is no function of SX.
     """
-    if not function.is_a("SXFunction"):
-        raise TypeError(f"{function.name()} is no function of SX: `expand()` makes one of it")
     return _Text(function, name).whole()
 
 
-class _Text:
+class Lines:
+    """Lines of IR that compute numbers of numbers.
+
+    Attributes:
+        lines: so far.
+        called: functions of libm and of LLVM that they call.
+    """
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.called: set[str] = set()
+
+    def new(self, right: str) -> str:
+        """A value with a name of its own, which is returned."""
+        self.lines.append(f"%v{len(self.lines)} = {right}")
+        return f"%v{len(self.lines) - 1}"
+
+    def two(self, operation: str, x: str, y: str) -> str:
+        """An operation of LLVM, such as fadd, of two numbers."""
+        return self.new(f"{operation} double {x}, {y}")
+
+    def negative(self, x: str) -> str:
+        """The number with the other sign."""
+        return self.new(f"fneg double {x}")
+
+    def bit(self, condition: str, x: str, y: str) -> str:
+        """Whether LLVM's condition, such as olt, holds for two numbers."""
+        return self.new(f"fcmp {condition} double {x}, {y}")
+
+    def both(self, operation: str, a: str, b: str) -> str:
+        """An operation of LLVM, such as and, of two bits."""
+        return self.new(f"{operation} i1 {a}, {b}")
+
+    def one_or_zero(self, bit: str) -> str:
+        """A bit as a number."""
+        return self.new(f"uitofp i1 {bit} to double")
+
+    def choice(self, bit: str, x: str, y: str) -> str:
+        """The number x where the bit is set, else y."""
+        return self.new(f"select i1 {bit}, double {x}, double {y}")
+
+    def signs(self, operation: str, x: str, y: str) -> str:
+        """The bits of two equal numbers together: zeros alone differ, in their signs."""
+        bits = [self.new(f"bitcast double {value} to i64") for value in (x, y)]
+        return self.new(
+            f"bitcast i64 {self.new(f'{operation} i64 {bits[0]}, {bits[1]}')} to double"
+        )
+
+    def call(self, called: str, *operands: str) -> str:
+        """A function of libm, or one of LLVM's own, which are exact."""
+        self.called.add(called)
+        given = ", ".join(f"double {x}" for x in operands)
+        at = f"@{called}" if called.startswith("llvm.") else libm.symbol(called)
+        return self.new(f"call double {at}({given})")
+
+
+class _Text(Lines):
     """The text of one function, instruction by instruction."""
 
     def __init__(self, function: ca.Function, name: str) -> None:
+        super().__init__()
         self._function, self._name = function, name
-        self._lines: list[str] = []
         self._stores: list[str] = []
-        self._count = 0
-        self._called: set[str] = set()
         self._values: dict[int, str] = {}
 
     def whole(self) -> str:
         f = self._function
         inputs = [f.nnz_in(k) for k in range(f.n_in())]
         outputs = [f.nnz_out(k) for k in range(f.n_out())]
-        for k in range(f.n_instructions()):
-            self._instruction(k)
+        rows = instructions(f)
+        numbers = rows[:, 2:].copy().view(np.float64).ravel().tolist()
+        for (operation, a, b, c), constant in zip(rows.tolist(), numbers, strict=True):
+            self._instruction(operation, a, b, c, constant)
         head = [
             f'define i32 @"{self._name}"'
             "(ptr %arg, ptr %res, ptr %iw, ptr %w, i32 %mem) nounwind {",
@@ -86,72 +141,32 @@ class _Text:
             [
                 f'@"{self._name}.zeros" = internal constant {zeros}',
                 *head,
-                *self._lines,
+                *self.lines,
                 *self._stores,
                 "ret i32 0",
                 "}",
-                *(_declaration(called) for called in sorted(self._called)),
+                *(declaration(called) for called in sorted(self.called)),
                 "",
             ]
         )
 
-    def _instruction(self, k: int) -> None:
-        f = self._function
-        opcode, into, out = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
-        if opcode == ca.OP_INPUT:
-            place = self._new(f"getelementptr double, ptr %arg{into[0]}, i64 {into[1]}")
-            self._values[out[0]] = self._new(f"load double, ptr {place}")
-        elif opcode == ca.OP_OUTPUT:
-            place = self._new(f"getelementptr double, ptr %res{out[0]}, i64 {out[1]}")
-            self._stores.append(f"store double {self._values[into[0]]}, ptr {place}")
-        elif opcode == ca.OP_CONST:
-            self._values[out[0]] = number(f.instruction_constant(k))
-        elif opcode in _OPERATIONS:
-            if not all(_is_casadis(name) for name in _LIBM.get(opcode, ())):
-                raise UnsupportedOperationError(f.name(), opcode, "this libm has with other bits")
-            operands = [self._values[i] for i in into]
-            self._values[out[0]] = _OPERATIONS[opcode](self, *operands)
+    def _instruction(self, operation: int, a: int, b: int, c: int, constant: float) -> None:
+        if operation == ca.OP_INPUT:
+            place = self.new(f"getelementptr double, ptr %arg{b}, i64 {c}")
+            self._values[a] = self.new(f"load double, ptr {place}")
+        elif operation == ca.OP_OUTPUT:
+            place = self.new(f"getelementptr double, ptr %res{a}, i64 {c}")
+            self._stores.append(f"store double {self._values[b]}, ptr {place}")
+        elif operation == ca.OP_CONST:
+            self._values[a] = number(constant)
         else:
-            raise UnsupportedOperationError(f.name(), opcode)
-
-    # What the operations are made of.
-
-    def _new(self, right: str) -> str:
-        self._count += 1
-        self._lines.append(f"%v{self._count} = {right}")
-        return f"%v{self._count}"
-
-    def two(self, operation: str, x: str, y: str) -> str:
-        return self._new(f"{operation} double {x}, {y}")
-
-    def negative(self, x: str) -> str:
-        return self._new(f"fneg double {x}")
-
-    def bit(self, condition: str, x: str, y: str) -> str:
-        return self._new(f"fcmp {condition} double {x}, {y}")
-
-    def both(self, operation: str, a: str, b: str) -> str:
-        return self._new(f"{operation} i1 {a}, {b}")
-
-    def one_or_zero(self, bit: str) -> str:
-        return self._new(f"uitofp i1 {bit} to double")
-
-    def choice(self, bit: str, x: str, y: str) -> str:
-        return self._new(f"select i1 {bit}, double {x}, double {y}")
-
-    def signs(self, operation: str, x: str, y: str) -> str:
-        """The bits of two equal numbers together: zeros alone differ, in their signs."""
-        bits = [self._new(f"bitcast double {value} to i64") for value in (x, y)]
-        return self._new(
-            f"bitcast i64 {self._new(f'{operation} i64 {bits[0]}, {bits[1]}')} to double"
-        )
-
-    def call(self, called: str, *operands: str) -> str:
-        """A function of libm, or one of LLVM's own, which are exact."""
-        self._called.add(called)
-        given = ", ".join(f"double {x}" for x in operands)
-        at = f"@{called}" if called.startswith("llvm.") else libm.symbol(called)
-        return self._new(f"call double {at}({given})")
+            if operation not in OPERATIONS:
+                raise UnsupportedOperationError(self._function.name(), operation)
+            if not has_bits_of_casadi(operation):
+                reason = "this libm has with other bits"
+                raise UnsupportedOperationError(self._function.name(), operation, reason)
+            operands = [self._values[place] for place in (b, c)[: operands_of(operation)]]
+            self._values[a] = OPERATIONS[operation](self, *operands)
 
 
 def number(value: float) -> str:
@@ -173,7 +188,8 @@ def _pointers(name: str, sizes: list[int], otherwise: str) -> list[str]:
     return lines
 
 
-def _declaration(called: str) -> str:
+def declaration(called: str) -> str:
+    """The line that a text needs to call a function of libm or one of LLVM's own."""
     if called == "llvm.copysign.f64":
         return f"declare double @{called}(double, double)"
     return (
@@ -223,14 +239,14 @@ def _called(name: str) -> _Operation:
 def _logic(operation: str) -> _Operation:
     """Of truths, which all numbers but zeros are, NaN among them."""
 
-    def lines(text: _Text, x: str, y: str) -> str:
+    def lines(text: Lines, x: str, y: str) -> str:
         left, right = text.bit("une", x, _ZERO), text.bit("une", y, _ZERO)
         return text.one_or_zero(text.both(operation, left, right))
 
     return lines
 
 
-def _sign(text: _Text, x: str) -> str:
+def _sign(text: Lines, x: str) -> str:
     """x < 0 ? -1 : x > 0 ? 1 : x, so that zeros keep their sign and NaN stays."""
     rest = text.choice(text.bit("ogt", x, _ZERO), _ONE, x)
     return text.choice(text.bit("olt", x, _ZERO), _MINUS_ONE, rest)
@@ -242,7 +258,7 @@ def _extreme(name: str, condition: str) -> _Operation:
     Of zeros of both signs the standard lets a libm take either, so that CasADi is asked.
     """
 
-    def lines(text: _Text, x: str, y: str) -> str:
+    def lines(text: Lines, x: str, y: str) -> str:
         zero = _zero_taken(name)
         # A comparison that holds for equal numbers takes the first of them.
         before = text.bit(condition + ("e" if zero is Zero.FIRST else "t"), x, y)
@@ -272,7 +288,7 @@ def _zero_taken(name: str) -> Zero:
     return Zero(tuple(bool(sign) for sign in signs))
 
 
-def _polynomial(text: _Text, z: str, coefficients: tuple[float, ...]) -> str:
+def _polynomial(text: Lines, z: str, coefficients: tuple[float, ...]) -> str:
     """By Horner's scheme, from the highest power."""
     total = number(coefficients[0])
     for coefficient in coefficients[1:]:
@@ -287,7 +303,7 @@ _MIDDLE = (
 _TAIL = ((1.641345311, 3.429567803, -1.624906493, -1.970840454), (1.6370678, 3.5438892, 1.0))
 
 
-def _erfinv(text: _Text, x: str) -> str:
+def _erfinv(text: Lines, x: str) -> str:
     """CasADi's own approximation and its two steps of Newton, which its lower tail goes without.
 
     All parts are computed, and one is chosen.
@@ -315,40 +331,55 @@ def _erfinv(text: _Text, x: str) -> str:
     return y
 
 
-_OPERATIONS: dict[int, _Operation] = {
+_ONE_OPERAND: dict[int, _Operation] = {
     ca.OP_ASSIGN: lambda _text, x: x,
+    ca.OP_NEG: lambda text, x: text.negative(x),
+    ca.OP_SQ: lambda text, x: text.two("fmul", x, x),
+    ca.OP_TWICE: lambda text, x: text.two("fadd", x, x),
+    ca.OP_INV: lambda text, x: text.two("fdiv", _ONE, x),
+    ca.OP_NOT: lambda text, x: text.one_or_zero(text.bit("oeq", x, _ZERO)),
+    ca.OP_SIGN: _sign,
+    ca.OP_ERFINV: _erfinv,
+    ca.OP_SQRT: _called("llvm.sqrt.f64"),
+    ca.OP_FABS: _called("llvm.fabs.f64"),
+    ca.OP_FLOOR: _called("llvm.floor.f64"),
+    ca.OP_CEIL: _called("llvm.ceil.f64"),
+    **{getattr(ca, f"OP_{name.upper()}"): _called(name) for name in libm.UNARY},
+}
+_TWO_OPERANDS: dict[int, _Operation] = {
     ca.OP_LIFT: lambda _text, x, _guess: x,
     ca.OP_ADD: _arithmetic("fadd"),
     ca.OP_SUB: _arithmetic("fsub"),
     ca.OP_MUL: _arithmetic("fmul"),
     ca.OP_DIV: _arithmetic("fdiv"),
-    ca.OP_NEG: lambda text, x: text.negative(x),
-    ca.OP_SQ: lambda text, x: text.two("fmul", x, x),
-    ca.OP_TWICE: lambda text, x: text.two("fadd", x, x),
-    ca.OP_INV: lambda text, x: text.two("fdiv", _ONE, x),
     ca.OP_LT: _comparison("olt"),
     ca.OP_LE: _comparison("ole"),
     ca.OP_EQ: _comparison("oeq"),
     ca.OP_NE: _comparison("une"),
-    ca.OP_NOT: lambda text, x: text.one_or_zero(text.bit("oeq", x, _ZERO)),
     ca.OP_AND: _logic("and"),
     ca.OP_OR: _logic("or"),
     ca.OP_IF_ELSE_ZERO: lambda text, x, y: text.choice(text.bit("oeq", x, _ZERO), _ZERO, y),
-    ca.OP_SIGN: _sign,
-    ca.OP_ERFINV: _erfinv,
     ca.OP_FMIN: _extreme("fmin", "ol"),
     ca.OP_FMAX: _extreme("fmax", "og"),
-    ca.OP_SQRT: _called("llvm.sqrt.f64"),
-    ca.OP_FABS: _called("llvm.fabs.f64"),
-    ca.OP_FLOOR: _called("llvm.floor.f64"),
-    ca.OP_CEIL: _called("llvm.ceil.f64"),
     ca.OP_COPYSIGN: _called("llvm.copysign.f64"),
     ca.OP_CONSTPOW: _called("pow"),
-    **{getattr(ca, f"OP_{name.upper()}"): _called(name) for name in libm.NAMED},
+    **{getattr(ca, f"OP_{name.upper()}"): _called(name) for name in libm.BINARY},
 }
+#: By CasADi's number of each operation, what its lines are made by, of its operands.
+OPERATIONS: dict[int, _Operation] = {**_ONE_OPERAND, **_TWO_OPERANDS}
 # What operations call.
 _LIBM: dict[int, tuple[str, ...]] = {
     ca.OP_CONSTPOW: ("pow",),
     ca.OP_ERFINV: ("log", "exp", "erf"),
     **{getattr(ca, f"OP_{name.upper()}"): (name,) for name in libm.NAMED},
 }
+
+
+def operands_of(operation: int) -> int:
+    """How many operands one of `OPERATIONS` has."""
+    return 1 if operation in _ONE_OPERAND else 2
+
+
+def has_bits_of_casadi(operation: int) -> bool:
+    """Whether one of `OPERATIONS` gives CasADi's bits with this platform's libm."""
+    return all(_is_casadis(name) for name in _LIBM.get(operation, ()))

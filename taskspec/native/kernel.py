@@ -32,7 +32,7 @@ from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from taskspec.deferred_methods import dataclass
-from taskspec.native import expressions, libm
+from taskspec.native import expressions, instructions, libm
 from taskspec.native.expressions import number
 
 if TYPE_CHECKING:
@@ -250,7 +250,7 @@ def kernel_source(*modules: ModuleType) -> bytes:
         modules: every one in which it has a function, a record or a constant.
     """
     own = sys.modules[__name__]
-    return b"".join(_written(module) for module in (libm, expressions, own, *modules))
+    return b"".join(_written(module) for module in (libm, instructions, expressions, own, *modules))
 
 
 @cache

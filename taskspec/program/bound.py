@@ -46,7 +46,7 @@ class BoundFunction:
         _fit(function, arguments, results)
         self.evaluate: Callable[[], Any]
         self.code: Addresses | None = None
-        self._grouped = False
+        self._grouped = self._foreign = False
         # The buffer keeps addresses, not references: everything it sees must outlive it.
         self.function, self.arguments, self.results = function, (*arguments,), (*results,)
         self._bind(function, 0)
@@ -69,24 +69,25 @@ class BoundFunction:
 
         To find it takes as long as some hundred evaluations.
         """
-        if not self._grouped and self.code is None and self.function.is_a("SXFunction"):
+        if not (self._grouped or self._foreign) and self.function.is_a("SXFunction"):
             self._grouped = True
             self._bind(grouped(self.function), 1)
 
-    def evaluate_by(self, called: Callable[..., Any]) -> None:
+    def evaluate_by(self, called: Callable[..., Any], *memory: NDArray[Any]) -> None:
         """Has other code evaluate the function from now on, with the same bits.
 
         Args:
-            called: takes the addresses of the addresses of arguments and results, and three numbers
-                of no meaning, as CasADi's generated code does.
+            called: takes the addresses of the addresses of arguments and results, two more, and a
+                number of no meaning, as CasADi's generated code does.
+            memory: what lies at those two, if they are of any meaning.
         """
         places = [
             np.array([array.ctypes.data for array in arrays], dtype=np.int64)
             for arrays in (self.arguments, self.results)
         ]
-        given, written = (place.ctypes.data for place in places)
-        self._places = places  # as the buffer, it keeps addresses
-        self.evaluate = partial(called, given, written, 0, 0, 0)
+        given = [array.ctypes.data for array in (*places, *memory)]
+        self._foreign, self._kept = True, (places, memory)  # as the buffer, it keeps addresses
+        self.evaluate = partial(called, *given, *[0] * (5 - len(given)))
 
 
 def _fit(function: ca.Function, arguments: Sequence[Vector], results: Sequence[Vector]) -> None:

@@ -26,15 +26,24 @@ _OF_OTHER_WORLDS = ("TS503",)
 
 
 def compiled(task: TaskPlan) -> tuple[CompiledStage, ...]:
-    """The stages of a task, each compiled once for all who run it.
+    """The stages of a task, as `compiled_stage` has them.
 
     Raises:
-        UnknownSignalError: a stage cannot evaluate a signal.
+        SpecError: a stage cannot evaluate a signal.
     """
-    for name in task.stages:
-        if name not in task.compiled:
-            task.compiled[name] = compile_stage(task.follow(name))
-    return tuple(task.compiled[name] for name in task.stages)
+    return tuple(compiled_stage(task, name) for name in task.stages)
+
+
+def compiled_stage(task: TaskPlan, name: str) -> CompiledStage:
+    """A stage of a task, compiled once for its analysis and for all who run it.
+
+    Raises:
+        SpecError: it cannot evaluate a signal.
+    """
+    if name not in task.compiled:
+        task.compiled[name] = compile_stage(task.follow(name))
+    found: CompiledStage = task.compiled[name]
+    return found
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,7 +42,7 @@ def contradictions(stage: StagePlan) -> Iterator[Finding]:
         finding = None
         if place.missed:
             continue
-        if stage.set_points or len(places) > 1:
+        if stage.set_points.constant or len(places) > 1:
             finding = _contradiction(stage, place, *statics(stage, place))
         if finding is None and place.q is not None and any(place.rates.values()):
             finding = _contradiction(stage, place, *motion(stage, place))

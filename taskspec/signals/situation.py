@@ -1,4 +1,4 @@
-"""What a formula is told: the tool in a frame at one instant, as expressions."""
+"""The arguments of a formula: the tool in a frame at one instant, as expressions."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
-from taskspec.signals.table import VECTORS, Signal, find
+from taskspec.signals.table import VECTORS, Entry, Index, Signal, find
 
 if TYPE_CHECKING:
     import casadi as ca
 
-#: What a situation is not told of; a formula that needs it cannot be evaluated there.
+#: What a situation lacks; a formula that needs it cannot be evaluated there.
 UNKNOWN: Any = None
 
 
@@ -40,14 +40,14 @@ class ObjectState:
         kind: as in `OBJECT`.
         distance: of the tool from it [m, rad].
         coordinate: of a mechanism [rad, m].
-        way: of a mechanism's handle along its axis [m].
+        travel: of a mechanism's handle along its axis [m].
         effort: what the robot applies to it [N, N m].
     """
 
     kind: str
     distance: ca.SX | None = None
     coordinate: ca.SX | None = None
-    way: ca.SX | None = None
+    travel: ca.SX | None = None
     effort: ca.SX | None = None
 
 
@@ -112,11 +112,21 @@ class Situation:
         if text not in self.known:
             kinds = {name: thing.kind for name, thing in self.objects.items()}
             found = find(path, kinds, self.visits)
-            value = None if found is None else found.value(self)
+            value = None if found is None else self._value(found)
             if found is None or value is None or found.signal.axes:
                 return value
             self.known[text] = value
         return self.known[text]
+
+    def _value(self, entry: Entry) -> ca.SX | None:
+        """The formula of an entry here; None where it is not known."""
+        signal, member = entry.signal, entry.member
+        if entry.beside:
+            return None
+        if signal.index is Index.AXIS:
+            return self.components(signal).get(Axis(member))
+        found: ca.SX | None = signal.formula(self, member) if member else signal.formula(self)
+        return found
 
     def components(self, signal: Signal) -> Mapping[Axis, ca.SX]:
         """All components of a family of axes that there are, by axis."""

@@ -6,16 +6,11 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import TRANSLATIONS, Axis, as_axis
 from taskspec.text.units import NUMBER, Dimension
-
-if TYPE_CHECKING:
-    import casadi as ca
-
-    from taskspec.signals.situation import Situation
 
 
 class Index(StrEnum):
@@ -50,7 +45,7 @@ class Signal:
         name: of the signal; of a family the part that its members share.
         index: what its members differ by.
         dimensions: of the members, by axis or kind of the object; of others by "".
-        meanings: of the members in the same way, as the documentation has it.
+        meanings: of the members likewise, as the documentation has it.
         formula: the signal as an expression of a situation, given the member of a family of
             joints, objects or stages. A family of axes gives all of them at once: a vector, or a
             mapping of those that there are. None where it is not known.
@@ -60,7 +55,7 @@ class Signal:
         limit: the limit of the file that bounds its magnitude, if one does; of a family of axes
             that of its translations.
         framed: whether another frame shows it differently.
-        anywhere: whether references and guards may ask for it in another frame.
+        anywhere: whether references and guards may use it in another frame.
         sensed: what the controller's value follows from that may differ from the truth, which is
             what the log has: the measured wrench, or where objects nominally are.
         beside: what the log has beside it: its reference, its measurement.
@@ -126,16 +121,6 @@ class Entry:
     member: str
     dimension: Dimension
     beside: str = ""
-
-    def value(self, at: Situation) -> ca.SX | None:
-        """Its formula in a situation; None where it is not known there."""
-        signal = self.signal
-        if self.beside:
-            return None
-        if signal.index is Index.AXIS:
-            return at.components(signal).get(Axis(self.member))
-        found: ca.SX | None = signal.formula(at, self.member) if self.member else signal.formula(at)
-        return found
 
 
 #: By name: families of axes, single signals in the order of the log, and clocks.

@@ -1,4 +1,4 @@
-"""A stage's tick about an equilibrium: the compiled function itself, differentiated by CasADi.
+"""A stage's closed form about an equilibrium: the compiled function, differentiated by CasADi.
 
 The derivative is taken along directions of the joints, the measured wrench, the measured reactions
 and the memory. A direction of the joints moves the tip's pose as it moves in truth to first order;
@@ -24,7 +24,7 @@ from taskspec.program.bound import BoundFunction, evaluated
 from taskspec.program.context import Context
 from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.tracks import Tracks
-from taskspec.program.ports import fields, slices
+from taskspec.program.ports import LAW, slices
 from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.slowed_path import AT, TIME
 from taskspec.program.stages.hand_over import SIZE
@@ -68,7 +68,7 @@ class Operating:
         self, context: Context, stage: CompiledStage, derivative: ca.Function | None = None
     ) -> None:
         self.context, self.stage = context, stage
-        self._derivative = stage.tick.forward(1) if derivative is None else derivative
+        self._derivative = stage.closed_form.forward(1) if derivative is None else derivative
         n = context.robot.pin.nv
         self._terms = PinocchioTerms(context.robot)
         self._now = np.zeros(2 + len(context.loaded.task.stages))
@@ -85,7 +85,7 @@ class Operating:
             self._wrench,
             self._reactions,
         ]
-        self._fields = slices(fields(len(context.equations)))
+        self._fields = slices((*LAW, ("reaction_ref", len(context.equations))))
         self._enter()
 
     def under(self, gains: Gains) -> Operating:
@@ -118,12 +118,12 @@ class Operating:
             if f.kind == "estimated"
             for g in (context.frames[f.estimated_in],)
         }
-        entry, gains = stage.entry, stage.plan.gains
+        entry = stage.entry
         handed = np.concatenate(
             [context.start_p, context.start_R.ravel(order="F"), np.zeros(SIZE - 12)]
         )
         given = [np.concatenate([np.zeros(0), *(poses[name] for name in entry.poses)])]
-        given.append(np.array([gains[name][axis].value for name, axis in entry.gains]))
+        given.append(stage.gains)
         entered = evaluated(entry.function, *self._arguments, handed, *given)
         self.memory, self.parameters, numbers = entered
         if stage.choice is not None:
@@ -131,7 +131,7 @@ class Operating:
             Chooser(stage.choice, stage.parameters, given).first()
         for axis in stage.plan.plans:
             if kept_slot(axis) in stage.parameters:
-                kept = stage.plan.set_point_of(axis) or 0.0
+                kept = stage.plan.set_points.of(axis) or 0.0
                 stage.parameters.write(self.parameters, kept_slot(axis), kept)
         tracks = Tracks(stage, self.parameters, self.memory)
         tracks.numbers[:] = numbers
@@ -178,7 +178,7 @@ class Operating:
         sprung = [f"last.{a}" for a, p in stage.plan.plans.items() if p.motion and p.open_loop]
         sprung = [slot for slot in sprung if slot in stage.memory]
         if sprung:
-            after = evaluated(stage.tick, *self._arguments, self.memory, self.parameters)[1]
+            after = evaluated(stage.closed_form, *self._arguments, self.memory, self.parameters)[1]
             for slot in (*sprung, "reference_point"):
                 where = stage.memory.slots[slot]
                 self.memory[where] = after[where]
@@ -187,9 +187,9 @@ class Operating:
         return name == "z" and self.stage.plan.frame.kind == "following"
 
     def outputs(self) -> dict[str, Matrix]:
-        """What the tick puts out, by name."""
+        """The numbers of `LAW`, and the reference of each equation, by name."""
         given = (*self._arguments, self.memory, self.parameters)
-        numbers = evaluated(self.stage.tick, *given)[2]
+        numbers = evaluated(self.stage.closed_form, *given)[2]
         return {name: numbers[where] for name, where in self._fields.items()}
 
     def set_point_drive(self, axis: Axis) -> Matrix | None:
@@ -223,7 +223,7 @@ class Operating:
         given, more = [begins, *self._arguments[1:], self.memory], self.parameters.copy()
         more[stage.parameters.slots[slot]] += 1.0
         before, after = (
-            np.concatenate(evaluated(stage.tick, *given, values)[:2])
+            np.concatenate(evaluated(stage.closed_form, *given, values)[:2])
             for values in (self.parameters, more)
         )
         return np.asarray(after - before)
@@ -243,10 +243,9 @@ class Operating:
         return LinearController(torque[:, kept], memory[np.ix_(slots, kept)], tuple(slots))
 
     def _forward(self) -> Callable[[list[Matrix], Matrix], Matrix]:
-        """The tick's derivative along a direction of its inputs and of the memory."""
-        tick = self.stage.tick
+        """The derivative along a direction of the tick's inputs and of the memory."""
         given = [*self._arguments, self.memory, self.parameters]
-        results = evaluated(tick, *given)
+        results = evaluated(self.stage.closed_form, *given)
         seeds = [np.zeros(len(argument)) for argument in given]
         found = [np.zeros(len(result)) for result in results]
         function = self._derivative

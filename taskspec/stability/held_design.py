@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from taskspec.laws.gains import BANDWIDTH, Gain, Gains
 from taskspec.laws.law import gain_named
 from taskspec.program.plan import Design, StagePlan
+from taskspec.program.stages.stage import CompiledStage, compile_stage
 from taskspec.stability.loop import Mode, UnfitError
 from taskspec.stability.margin import grows, near_boundary, rings
 from taskspec.stability.sampled_stage import analyse
@@ -36,11 +38,15 @@ def best_design(stage: StagePlan) -> Design:
     """
     first = stage.by_rules()
     best: tuple[tuple[int, float], Design] | None = None
+    forms: dict[bool, CompiledStage] = {}
     try:
         for design, only_if in _designs(stage, first):
             if best is not None and best[0][0] < only_if:
                 break
-            loop = analyse(stage.designed_as(design))
+            plan, form = stage.designed_as(design), design.consistent
+            # Gains are parameters, and none that is zero becomes another.
+            forms[form] = replace(forms[form], plan=plan) if form in forms else compile_stage(plan)
+            loop = analyse(forms[form])
             if loop is None:
                 continue
             worst = _worst(loop.modes())
@@ -54,9 +60,9 @@ def best_design(stage: StagePlan) -> Design:
 def _designs(stage: StagePlan, first: Design) -> Iterator[tuple[Design, int]]:
     """Designs in the order in which they are tried, and how bad the best must be for the next."""
     forms = [first]
-    if stage.has_mechanism_form:
-        forms.append(stage.by_rules(consistent=True))
-        if stage.cancels_late >= 1:
+    if stage.design_rules.has_mechanism_form:
+        forms.append(stage.design_rules.design(consistent=True))
+        if stage.design_rules.cancels_late >= 1:
             # A pose away it flips, if it does not here.
             forms.reverse()
     for form in forms:

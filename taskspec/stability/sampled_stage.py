@@ -15,8 +15,9 @@ from taskspec.program.context import Context
 from taskspec.program.passage import Instant
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.prepare import arm_at
+from taskspec.program.program import compiled_stage
 from taskspec.program.sensor import SensorModel
-from taskspec.program.stages.stage import CompiledStage, compile_stage
+from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import AxisEntry, Task
 from taskspec.stability.controller import LinearController, Operating
 from taskspec.stability.environment import HELD, linear_plant
@@ -96,7 +97,7 @@ class SampledStage:
 
     Attributes:
         context: of the nominal task.
-        stage: the compiled one, without limits and guards.
+        stage: the compiled one.
         rotation: (3, 3) its frame at the start pose.
         pressed: what the robot applies to each contact at the equilibrium [N, N m].
         meets: the contact is one that the stage may come to, not one that it is in.
@@ -295,35 +296,11 @@ def _orthonormal(shapes: Matrix, H: Matrix) -> Matrix:
     return np.asarray(np.linalg.solve(factor, U[:, sizes > _ALIKE * sizes[0]]))
 
 
-def bare(stage: StagePlan) -> StagePlan:
-    """A stage reduced to its control: no limits, guards or program.
-
-    What is left is the closed form, which the limits do not change while none of them binds.
-    """
-    context, loaded = stage.context, stage.context.loaded
-    stage.gains  # noqa: B018  (computed once, for the stage and for what is made of it)
-    law = stage.law.model_copy(update={"solve": "closed-form"})
-    spec = stage.spec.model_copy(
-        update={"law": law, "limits": None, "until": None, "within": None, "fail_if": None}
-    )
-    limits = type(loaded.task.limits)()
-    task = loaded.task.model_copy(
-        update={"stages": {**loaded.task.stages, stage.name: spec}, "limits": limits}
-    )
-    free = np.full_like(context.robot.torque_limit, np.inf)
-    reduced = replace(
-        context,
-        loaded=replace(loaded, task=task),
-        robot=replace(context.robot, torque_limit=free),
-    )
-    return stage.but(context=reduced, spec=spec, law=law, limits=limits)
-
-
 def loop_of(task: TaskPlan, name: str) -> SampledStage | None:
     """A stage of a task at its equilibrium, analysed once for all who ask; see `analyse`."""
     if name not in task.loops:
         stage = task.stages[name]
-        task.loops[name] = stage.design.loop or analyse(stage)
+        task.loops[name] = stage.design.loop or analyse(compiled_stage(task, name))
     found: SampledStage | None = task.loops[name]
     return found
 
@@ -356,31 +333,28 @@ def loop_like(task: TaskPlan, name: str) -> SampledStage | None:
     control = control_of(stage)
     for earlier in task.loops:
         other: SampledStage | None = task.loops[earlier]
-        if other is None or other.meets or {*other.pressed} != {*stage.pressed}:
+        if other is None or other.meets or {*other.pressed} != {*stage.contacts.pressed}:
             continue
         if control_of(task.stages[earlier]) == control:
             return other
     return loop_of(task, name)
 
 
-def analyse(plan: StagePlan, *, in_contact: bool = True) -> SampledStage | None:
+def analyse(stage: CompiledStage) -> SampledStage | None:
     """A stage at its equilibrium; None where its torque has no derivative there.
 
-    Args:
-        plan: of the stage.
-        in_contact: whether the contacts that it presses on or may meet are there.
+    What is analysed is the closed form, which limits and saturation do not change while none of
+    them binds.
     """
-    reduced = bare(plan)
-    context, rotation = reduced.context, reduced.rotation
-    # A table's splines are not laid: references are brought to where the arm is, and stay there.
-    stage = compile_stage(reduced.but(ready_path=reduced.path), to_run=False)
+    plan = stage.plan
+    context, rotation = plan.context, plan.rotation
     at = Operating(context, stage)
-    pressed, meets = _pressed(context, stage, rotation, at) if in_contact else ({}, False)
+    pressed, meets = _pressed(context, stage, rotation, at)
     there = _at_contact(context, pressed)
     if there is not context:
         context, at = there, at.there(there)
     wrench, reactions = np.zeros(6), np.zeros(len(context.equations))
-    sliding = None if meets else _slides(reduced, pressed)
+    sliding = None if meets else _slides(plan, pressed)
     turns = rotation[:, [a.column for a, p in plan.plans.items() if a.is_rotation and p.force]]
     plant = linear_plant(context, context.loaded.task, pressed, sliding=sliding, turns=turns)
     for row in plant.rows:
@@ -430,7 +404,7 @@ def _slides(stage: StagePlan, pressed: Mapping[str, float]) -> Matrix | None:
             return None
         if not axis.is_rotation:
             rates[axis.row] = rate
-    normal, velocity = stage.normal_of(name), stage.rotation @ rates
+    normal, velocity = stage.contacts.normal(name), stage.rotation @ rates
     velocity = velocity - normal * float(normal @ velocity)
     return velocity if float(np.linalg.norm(velocity)) > _SLIDES else None
 
@@ -459,12 +433,12 @@ def _pressed(
             found[name] = wanted if np.isfinite(wanted) else 0.0
     local = np.nan_to_num(outputs["force_ref"][:3])
     applied = rotation @ local
-    for name in stage.plan.touched:
-        if name in stage.plan.pressed:
+    for name in stage.plan.contacts.touched:
+        if name in stage.plan.contacts.pressed:
             found[name] = max(-float(context.start_normals[name] @ applied), LEAST_PRESS)
-    for name in stage.plan.bearers.values():
+    for name in stage.plan.environment.bearers.values():
         found[name] = _along_equation(context, name, applied)
-    if found or stage.plan.held:
+    if found or stage.plan.contacts.held:
         return found, False
     if stage.plan.met:
         return {stage.plan.met[0]: LEAST_PRESS}, True

@@ -64,7 +64,7 @@ def statics(stage: StagePlan, place: Place) -> tuple[RowSystem, Vector]:
             whole[3:, own] = pin.skew(ball[name])
     whole[3:, -3:] = reach * np.eye(3)
     about = whole.copy()
-    lever = stage.lever
+    lever = stage.kinematics.lever
     about[3:] -= pin.skew(lever) @ whole[:3]
     wanted = _wanted(stage, place.rotation)
     _add_set_points(stage, place.rotation, about, system)
@@ -74,7 +74,7 @@ def statics(stage: StagePlan, place: Place) -> tuple[RowSystem, Vector]:
     if place.q is not None:
         _add_torques(stage.context, place.q, whole, shares_of(stage).torque, system)
     guess = np.zeros(system.size)
-    at = 3 * objects.index(stage.contact) if stage.contact in objects else 0
+    at = 3 * objects.index(stage.contacts.main) if stage.contacts.main in objects else 0
     guess[at : at + 3] = wanted[:3]
     if not ball:
         guess[-3:] = (wanted[3:] + cross(lever, wanted[:3])) / reach
@@ -99,14 +99,14 @@ def _leaned_on(stage: StagePlan, place: Place) -> dict[str, Vector] | None:
         if name == stage.frame.surface_name:
             normals[name] = place.rotation[:, 2]
         elif surface.level:
-            normals[name] = stage.normal_of(name)
+            normals[name] = stage.contacts.normal(name)
         else:
             return None
-    for axis, value in stage.set_points.items():
-        contact = stage.contact_of(axis)
+    for axis, value in stage.set_points.constant.items():
+        contact = stage.contacts.of(axis)
         if contact is None or axis.is_rotation:
             continue
-        along = float(place.rotation[:, axis.column] @ stage.normal_of(contact))
+        along = float(place.rotation[:, axis.column] @ stage.contacts.normal(contact))
         if abs(along) > MOSTLY and value * along > 0:
             return None
     return normals
@@ -115,19 +115,19 @@ def _leaned_on(stage: StagePlan, place: Place) -> dict[str, Vector] | None:
 def _limited(stage: StagePlan) -> bool:
     """Whether no force alone is beyond `limits.force`, which TS610 reports."""
     most, share = stage.limits.force, shares_of(stage).force
-    own = [abs(value) for axis, value in stage.set_points.items() if not axis.is_rotation]
+    own = [abs(value) for axis, value in stage.set_points.constant.items() if not axis.is_rotation]
     return most is not None and all(value <= share * most for value in own)
 
 
 def _wanted(stage: StagePlan, rotation: Vector) -> Vector:
     """(6,) the set points alone, in the world's axes."""
-    values = np.array([stage.set_points.get(a, 0.0) for a in AXES])
+    values = np.array([stage.set_points.constant.get(a, 0.0) for a in AXES])
     return np.concatenate([rotation @ values[:3], rotation @ values[3:]])
 
 
 def _add_set_points(stage: StagePlan, rotation: Vector, about: Vector, system: RowSystem) -> None:
     inside = np.kron(np.eye(2), rotation.T) @ about
-    for axis, value in stage.set_points.items():
+    for axis, value in stage.set_points.constant.items():
         key, dimension = axis.effort, axis.of(FORCE)
         text = f"{show(value, dimension)} {'about' if axis.is_rotation else 'along'} {axis!r}"
         place = FILE.stages[stage.name].axes[axis][key]

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 import yaml
 from truth import HERE, Judged, announcements, kept_line, shares
-from truth_file import Row, row_of, said
+from truth_file import GENERATORS, Row, row_of, said
+from truth_page import page
 from truth_tasks import draft, scaled, truth_task, write_companions
 
 from taskspec.examination import examine
@@ -118,16 +119,27 @@ def test_a_finding_is_of_the_stage_that_it_stands_in() -> None:
 
 #: The first 60 files of seed 0.
 FIXED = {
-    (seed, number): line
-    for seed, lines in yaml.safe_load((HERE / "fixed.yaml").read_text("utf-8")).items()
+    (generator, seed, number): line
+    for generator, seeds in yaml.safe_load((HERE / "fixed.yaml").read_text("utf-8")).items()
+    for seed, lines in seeds.items()
     for number, line in lines.items()
 }
 
 
 def test_sixty_files_are_fixed() -> None:
-    assert sorted(FIXED) == [(0, number) for number in range(60)]
+    assert sorted(FIXED) == [("workshop", 0, number) for number in range(60)]
 
 
-@pytest.mark.parametrize(("seed", "number"), FIXED)
-def test_a_fixed_file_ends_as_it_did_and_as_much_is_said(seed: int, number: int) -> None:
-    assert kept_line(row_of(seed, number)) == FIXED[seed, number]
+@pytest.mark.parametrize(("generator", "seed", "number"), FIXED)
+def test_a_fixed_file_ends_as_it_did_and_as_much_is_said(
+    generator: str, seed: int, number: int
+) -> None:
+    assert kept_line(row_of(generator, seed, number)) == FIXED[generator, seed, number]
+
+
+def test_the_page_has_the_tables_of_both_generators() -> None:
+    rows = [judged("well"), judged("stop: force", "TS616"), judged("missed")]
+    text = page(3, {name: rows for name in GENERATORS})
+    assert list(GENERATORS) == ["workshop", "language"]
+    assert text.count("| bad runs that were announced | 1 | 2 | 50.0% | at least 95% |") == 2
+    assert text.index("## Workshop\n") < text.index("## Language\n")

@@ -1,12 +1,15 @@
-"""The house of docs/architecture.md: floors, imports that run down, nouns that exist once."""
+"""The house of docs/architecture.md: floors, imports that run down, nouns that exist once.
+
+Imports in functions and those for types alone count as any other.
+"""
 
 from __future__ import annotations
 
 import ast
 import re
 from collections import defaultdict
-from collections.abc import Iterator
 from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,37 +49,41 @@ def sources() -> dict[str, ast.Module]:
     return found
 
 
-def at_run_time(tree: ast.AST) -> Iterator[ast.AST]:
-    """The nodes of a module but those under `if TYPE_CHECKING`: annotations may name it."""
-    for node in ast.iter_child_nodes(tree):
-        typing = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-        if not typing:
-            yield node
-            yield from at_run_time(node)
-
-
-def imports_of(tree: ast.Module) -> Iterator[str]:
-    """Modules of the project that a module imports, wherever in it."""
-    for node in at_run_time(tree):
-        if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            for alias in node.names:
-                whole = f"{node.module}.{alias.name}"
-                yield whole if whole in sources() else node.module
-        elif isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+@cache
+def imports() -> dict[str, set[str]]:
+    """By module, the modules of the project that it imports: in functions and for types, too."""
+    found: dict[str, set[str]] = {module: set() for module in sources()}
+    for module, tree in sources().items():
+        for node in ast.walk(tree):
+            named = []
+            if isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{module} imports relative to itself"
+                wholes = [f"{node.module}.{alias.name}" for alias in node.names]
+                named = [whole if whole in found else str(node.module) for whole in wholes]
+            elif isinstance(node, ast.Import):
+                named = [alias.name for alias in node.names]
+            found[module] |= {name for name in named if name in found and name != module}
+    assert sum(map(len, found.values())) > len(found)
+    return found
 
 
 def test_no_import_runs_up():
     up = [
         f"{module} -> {imported}"
-        for module, tree in sources().items()
-        if module not in ROOTS
-        for imported in imports_of(tree)
-        if imported.split(".")[0] in ROOTS
-        and imported not in ROOTS
-        and floor_of(imported) > floor_of(module)
+        for module, others in imports().items()
+        for imported in others
+        if module not in ROOTS and imported not in ROOTS and floor_of(imported) > floor_of(module)
     ]
     assert up == []
+
+
+def test_no_imports_go_in_a_circle():
+    circle = []
+    try:
+        TopologicalSorter(imports()).prepare()
+    except CycleError as error:
+        circle = error.args[1]
+    assert circle == []
 
 
 def test_every_public_class_name_is_used_once():

@@ -6,8 +6,8 @@ import copy
 
 import numpy as np
 import pytest
-
 from taskspec.analysis.rehearsal import Rehearsal, rehearse
+
 from taskspec.compiler import compile_task
 from taskspec.program.execution.machine import RESTS
 from taskspec.spec import load_text

@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 
 import pytest
-
 from taskspec.analysis.rehearsal import rehearse
+
 from taskspec.compiler import compile_task
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError

@@ -6,10 +6,9 @@ import casadi as ca
 import mujoco
 import numpy as np
 import pytest
+from taskspec_runner.trial.kept_out import KeptOut
 
 from taskspec.examination import examine
-from taskspec_runner.trial.collisions import TOOL_END, Surroundings, _along
-from taskspec_runner.trial.kept_out import KeptOut
 from taskspec.program.bound import RowFunction
 from taskspec.robot.links import links_of
 from taskspec.robot.pinocchio_model import Bodies, pinocchio_model
@@ -17,6 +16,7 @@ from taskspec.shapes import Plane, Sphere
 from taskspec.shapes.box import Box
 from taskspec.spec import load_text
 from taskspec_runner import run
+from taskspec_runner.trial.collisions import TOOL_END, Surroundings, _along
 
 FOLDED = "[0, -1.2 rad, 0, -2.8 rad, 0, 1.6 rad, 0.7854 rad]"
 UNFOLD = """

@@ -8,9 +8,9 @@ import re
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from taskspec.rules.impact import _lasts
 
 from taskspec.examination import check_task
-from taskspec.rules.impact import _lasts
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import Severity
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from taskspec.analysis.force_course import ForceCourses
 
 import taskspec_runner
-from taskspec.analysis.force_course import ForceCourses
 from taskspec.examination import examine
 from taskspec.geometry.axis import Axis
 from taskspec.spec import load_task, load_text

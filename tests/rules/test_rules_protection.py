@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from taskspec.foresight.commanded import commanded, commanded_joints
 
 from taskspec.compiler import compile_task
 from taskspec.examination import check_task
-from taskspec.foresight.commanded import commanded, commanded_joints
 from taskspec.spec import load_text
 from taskspec.spec.protection_file import builtin_protections
 from taskspec.text.diagnostic import SpecError

@@ -17,6 +17,7 @@ from taskspec.planning import plan_task
 from taskspec.program.passage import Instant
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
+from taskspec.program.stages.stage import compile_stage
 from taskspec.spec import load_task, load_text
 from taskspec.stability.family import scaled
 from taskspec.stability.sampled_stage import analyse
@@ -68,7 +69,9 @@ def test_a_door_from_its_hinge_takes_the_form_for_a_mechanism():
     The grip's 300 N s/m, a tick late, are 0.3 kg, and the arm has a mass of 0.03 kg there.
     """
     stage = plan_task(load_task(TASKS / "door-hinge.yaml", {"law": "hybrid"})).stages["open"]
-    own, taken = (analyse(stage.designed_as(d)) for d in (stage.by_rules(), stage.design))
+    own, taken = (
+        analyse(compile_stage(stage.designed_as(d))) for d in (stage.by_rules(), stage.design)
+    )
     assert stage.consistent
     assert max(abs(mode.z) for mode in own.modes()) > 4
     assert max(abs(mode.z) for mode in taken.modes()) < 0.999
@@ -211,7 +214,7 @@ def test_a_motion_is_looked_at_free_and_in_contact():
 def test_the_axis_of_a_repeated_pole_does_not_depend_on_its_eigenvectors():
     """Any mixture of the shapes of one pole is as good a set of shapes."""
     context = prepare(load_task(CORPUS / "err" / "TS501_everywhere.yaml"))
-    seen = analyse(StagePlan(context, "go"))
+    seen = analyse(compile_stage(StagePlan(context, "go")))
     modes = seen.modes()
     alike = [m for m in modes if m.s == pytest.approx(modes[0].s, rel=1e-6)]
     assert len(alike) > 1
@@ -228,11 +231,14 @@ def test_a_stage_under_other_gains_is_that_stage_compiled_with_them(law):
     """One compiled tick serves for all values of a gain, to rounding."""
     text = PRESS.format(robot="", contact=SOFT, law=law, rest="")
     plan = StagePlan(prepare(load_text(text, "t")), "press")
-    seen, moved = analyse(plan), set()
+    seen, moved = analyse(compile_stage(plan)), set()
     for what, by_axis in plan.gains.items():
         if all(gain.value > 0 for gain in by_axis.values()):
             gains = scaled(plan.gains, what, list(by_axis), 1.7)
-            tuned, anew = seen.at.under(gains).linear(), analyse(plan.but(gains=gains)).controller
+            tuned, anew = (
+                seen.at.under(gains).linear(),
+                analyse(compile_stage(plan.but(gains=gains))).controller,
+            )
             assert tuned.slots == anew.slots
             for found, wanted in ((tuned.torque, anew.torque), (tuned.memory, anew.memory)):
                 near = 1e-12 * np.abs(wanted).max(initial=1.0)
@@ -268,7 +274,7 @@ def test_what_is_not_damped_is_not_unstable():
     """
     law = "{kind: stiffness, stiffness: 400 N/m}"
     text = MOVE.format(law=law).replace("model: planar2", "model: planar2, balanced: true")
-    stage = analyse(StagePlan(prepare(load_text(text, "free.yaml")), "go"))
+    stage = analyse(compile_stage(StagePlan(prepare(load_text(text, "free.yaml")), "go")))
     modes = stage.modes()
     assert modes
     assert all(abs(abs(mode.z) - 1) < 1e-9 for mode in modes)
@@ -297,8 +303,10 @@ def test_a_force_on_an_equation_is_designed_for_its_stiffness(side, law, simulat
     text = SHELF.format(side=side, law=law)
     assert findings(text) == []
     stage = plan_task(load_text(text, "task.yaml")).stages["press"]
-    assert stage.plants["z"].k == 4000.0
-    assert analyse(stage).pressed == pytest.approx({"shelf": 8.0 if side[0] == "3" else -8.0})
+    assert stage.design_rules.plants["z"].k == 4000.0
+    assert analyse(compile_stage(stage)).pressed == pytest.approx(
+        {"shelf": 8.0 if side[0] == "3" else -8.0}
+    )
     run = simulate(text)
     assert run.outcome.status == "done"
     assert run.during("press", "force.z", 1.5) == pytest.approx(-8.0, abs=0.16)
@@ -309,7 +317,11 @@ def test_an_equation_that_does_not_return_a_force_is_left_out():
     text = SHELF.format(side="z >= 300 mm", law="hybrid")
 
     def bears(old, new):
-        return plan_task(load_text(text.replace(old, new), "task.yaml")).stages["press"].bearers
+        return (
+            plan_task(load_text(text.replace(old, new), "task.yaml"))
+            .stages["press"]
+            .environment.bearers
+        )
 
     assert bears("z: {force: -8 N}", "z: {force: 8 N}") == {}
     assert bears("z: {force: -8 N}", "x: {force: -8 N}") == {}
@@ -356,14 +368,14 @@ def test_stability_is_looked_at_where_the_way_leads(time, unstable, tmp_path):
 def test_a_loop_elsewhere_is_that_of_a_task_that_begins_there():
     """With the gains of the first: the joints' numbers are all that differs."""
     text = press(PARALLEL.format(3), contact=SOFT)
-    first = analyse(plan_of(text, "press"))
+    first = analyse(compile_stage(plan_of(text, "press")))
     q = first.context.start + np.array([0.1, -0.25])
     here = Instant(
         0.0, *[np.zeros(3)] * 3, q, np.zeros(2), np.zeros(6), None, 1.0, dict.fromkeys(AXES, 0.0)
     )
     there = first.there(here)
     joints = ", ".join(f"{x:.17g} rad" for x in q)
-    second = analyse(plan_of(text.replace("90 deg, -90 deg", joints), "press"))
+    second = analyse(compile_stage(plan_of(text.replace("90 deg, -90 deg", joints), "press")))
     gains = second.at.under(first.stage.plan.gains).linear()
     np.testing.assert_allclose(there.controller.torque, gains.torque, rtol=1e-9, atol=1e-9)
     for mine, own in zip(there.nominal.step(), second.nominal.step(), strict=True):
@@ -388,7 +400,10 @@ frames: {{top: {{surface: work}}}}
 
 def slowest(text):
     """The least stable mode [1/s] of stage `slide`."""
-    return max((mode.s for mode in analyse(plan_of(text, "slide")).modes()), key=lambda s: s.real)
+    return max(
+        (mode.s for mode in analyse(compile_stage(plan_of(text, "slide"))).modes()),
+        key=lambda s: s.real,
+    )
 
 
 @pytest.mark.parametrize("force", ["-8.5 N", "-30 N"])
@@ -428,7 +443,7 @@ def test_friction_damps_a_sliding_tool_across_its_way():
 
 def test_the_damper_of_a_sliding_tool_is_its_friction_over_its_speed():
     """mu f/|v| across the way and the normal, whatever the number of its spheres."""
-    slides = analyse(plan_of(RIDGE.format(friction=0.48, rate="2.5 mm/s"), "slide"))
+    slides = analyse(compile_stage(plan_of(RIDGE.format(friction=0.48, rate="2.5 mm/s"), "slide")))
     row = next(row for row in slides.nominal.rows if row.rubs)
     assert row.B.sum() == pytest.approx(0.48 * slides.pressed["work"] / 2.5e-3, rel=1e-12)
     way = slides.rotation[:, 0]
@@ -452,7 +467,9 @@ stages: {{press: {{axes: {{z: {{force: {force} N}}}}, time: 1 s}}}}
 def test_a_spring_in_the_tools_axes_is_as_stable_as_in_the_worlds(law):
     """What is left of a difference is the force along z, which turns with the tool's own axes."""
     world, tool = (
-        analyse(plan_of(FRAMES.format(frame=frame, law=law, force=force), "press")).modes()
+        analyse(
+            compile_stage(plan_of(FRAMES.format(frame=frame, law=law, force=force), "press"))
+        ).modes()
         for frame, force in (("world", -22), ("tool", 22))
     )
     for mine, theirs in zip(tool[:4], world[:4], strict=True):

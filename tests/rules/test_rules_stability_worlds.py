@@ -9,6 +9,7 @@ import pytest
 from taskspec.examination import check_task
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
+from taskspec.program.stages.stage import compile_stage
 from taskspec.rules.stability import Plants
 from taskspec.spec import load_text
 from taskspec.stability.budget import Budget
@@ -39,7 +40,7 @@ def test_the_world_that_is_told_is_the_worst_of_all(latest, code):
     """Held against every corner's modes, each with a plant of its own."""
     law = "{kind: hybrid, force: {integral: 18 /s, damping: 100 N*s/m}}"
     text = TASK.format(law=law, stages=PRESS).replace("0..6 ms", f"0..{latest} ms")
-    seen = analyse(StagePlan(prepare(load_text(text, "t")), "go"))
+    seen = analyse(compile_stage(StagePlan(prepare(load_text(text, "t")), "go")))
     plants, bad = Plants(), {}
     for corner in corners(seen.context, ["table"], Budget(100)):
         plain = seen.modes(corner.task)

@@ -9,7 +9,7 @@ import numpy as np
 from short_tasks import TAP
 
 from taskspec.spec import load_text
-from taskspec_runner.sweep.session import SweepResult
+from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.summary import summarise
 from taskspec_runner.sweep.worlds import RANDOM
 

@@ -8,14 +8,11 @@ from pathlib import Path
 
 import pytest
 
-import taskspec.examination
-from runner.short_tasks import TAP
 from taskspec import kept_findings
 from taskspec.store import VARIABLE
 from taskspec.text import confines
-from taskspec_runner.cli.formats import OutcomeFormat
-from taskspec_runner.cli.run import run_task
-from taskspec_runner.cli.validate import examine
+from taskspec_runner.cli.validate import Examining, examine
+from taskspec_runner.trial import check
 
 STORE_IN = kept_findings._store_in
 #: Everything that a task may name, on an arm that is looked at in a moment.
@@ -49,13 +46,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def looks(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The names of the files that have been examined since."""
     names: list[str] = []
-    original = taskspec.examination.examine
+    original = check.examine
 
     def noting(loaded, **options):
         names.append(loaded.source.name)
         return original(loaded, **options)
 
-    monkeypatch.setattr(taskspec.examination, "examine", noting)
+    monkeypatch.setattr(check, "examine", noting)
     return names
 
 
@@ -122,15 +119,15 @@ def test_options_count_and_findings_about_them_name_their_file(
     task, other = folder / "task.yaml", folder / "other.yaml"
     other.write_text(FILE.replace("350", "351"))
     options = (
-        {},
-        {"sets": ["stages.go.time=-1 s"]},
-        {"sets": ["robot.start.xyz=[340 mm, 0, 0]"]},
-        {"law": "impedance"},
+        Examining(),
+        Examining(sets=("stages.go.time=-1 s",)),
+        Examining(sets=("robot.start.xyz=[340 mm, 0, 0]",)),
+        Examining(law="impedance"),
     )
-    found = [examine([task, other], **each) for each in options]
+    found = [examine([task, other], each) for each in options]
     assert len({repr(each) for each in found}) == len(options)
     del looks[:]
-    assert [examine([task, other], **each) for each in options] == found
+    assert [examine([task, other], each) for each in options] == found
     # What cannot be read as a task is read again each time, which is all that is done about it.
     assert looks == []
 
@@ -148,22 +145,4 @@ def test_a_mesh_that_comes_is_seen(folder: Path, looks: list[str]) -> None:
     assert looks == [str(task)]
     (folder / "base.stl").write_bytes(b"no mesh")
     examine([task])
-    assert looks == [str(task)] * 2
-
-
-def test_a_run_takes_what_validate_has_found(folder: Path, looks: list[str]) -> None:
-    task = folder / "tap.yaml"
-    task.write_text(TAP)
-
-    def run(out: str, *, keeps: bool) -> bytes:
-        code = run_task(
-            task, (), None, 0, folder / out, None, quiet=True, form=OutcomeFormat.TEXT, keeps=keeps
-        )
-        assert code == 0
-        return (folder / out / "log.arrow").read_bytes()
-
-    anew = run("anew", keeps=False)
-    examine([task])
-    assert looks == [str(task)] * 2
-    assert run("known", keeps=True) == anew
     assert looks == [str(task)] * 2

@@ -8,6 +8,7 @@ import pytest
 from taskspec.examination import check_task
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
+from taskspec.program.stages.stage import compile_stage
 from taskspec.spec import load_text
 from taskspec.stability.margin import Search
 from taskspec.stability.sampled_stage import analyse
@@ -37,7 +38,7 @@ CASES = (
 def largest_integral(case):
     """The predicted boundary of the integral gain [1/s] while the tool sticks, and slides."""
     context = prepare(load_text(PRESS.format(integral=20, **case), "task.yaml"))
-    seen = analyse(StagePlan(context, "press"))
+    seen = analyse(compile_stage(StagePlan(context, "press")))
     stuck, sliding = (
         Search(context, s).gain("force.integral", ["z"]) for s in (seen.stuck(), seen)
     )

@@ -14,6 +14,7 @@ from taskspec.compiler import compile_unchecked
 from taskspec.examination import examine
 from taskspec.program.plan import StagePlan
 from taskspec.program.prepare import prepare
+from taskspec.program.stages.stage import compile_stage
 from taskspec.spec import load_text
 from taskspec.stability.loop import Mode
 from taskspec.stability.margin import Search
@@ -101,7 +102,7 @@ class Verdict:
 
 def analysed(family: Family, value: float) -> SampledStage:
     text = family.task(value, value, 1.0, 1.0)
-    found = analyse(StagePlan(prepare(load_text(text, "grid.yaml")), "try"))
+    found = analyse(compile_stage(StagePlan(prepare(load_text(text, "grid.yaml")), "try")))
     assert found is not None
     return found
 

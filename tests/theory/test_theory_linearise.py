@@ -22,7 +22,7 @@ from taskspec.program.stages.stage import compile_stage
 from taskspec.spec import load_text
 from taskspec.stability.controller import Operating
 from taskspec.stability.loop import one_step
-from taskspec.stability.sampled_stage import analyse, bare
+from taskspec.stability.sampled_stage import analyse
 
 T = 1e-3
 #: Bisected to 1e-6; the poles move with eps^(1/2) at worst.
@@ -93,7 +93,7 @@ def test_critical_integral_of_the_parallel_law(name, h, d, k, k_F, k_e, rate, kn
     )
     # Within ten times the tolerance.
     found = sampled.critical(
-        lambda i: radius(analyse(StagePlan(task(i), "press"))) < 1,
+        lambda i: radius(analyse(compile_stage(StagePlan(task(i), "press")))) < 1,
         (1 - 10 * EXACT) * hand, (1 + 10 * EXACT) * hand, 1e-6,
     )  # fmt: skip
     assert found == pytest.approx(hand, rel=EXACT)
@@ -113,7 +113,9 @@ def test_poles_of_a_hybrid_force_axis(name):
     loop = loop_of(context, arm).core()
     hand = loop.poles(sampled.hybrid(0.3, 5, 100))
     hand = hand[(hand.imag >= 0) & (hand.real > -2000)]
-    mine = np.array([mode.s for mode in analyse(StagePlan(context, "press")).modes()])
+    mine = np.array(
+        [mode.s for mode in analyse(compile_stage(StagePlan(context, "press"))).modes()]
+    )
     for pole in hand:
         assert np.min(np.abs(mine - pole)) < 1e-6 * abs(pole)
 
@@ -133,7 +135,9 @@ def test_the_pid_regulator_couples_the_axes():
         sampled.parallel_pid(np.array([k_m, k_m, 20.0]), np.array([d_m, d_m, 2.0]), 0.5, 2.0)
     )
     hand = hand[(hand.imag >= 0) & (hand.real > -2000)]
-    mine = np.array([mode.s for mode in analyse(StagePlan(context, "press")).modes()])
+    mine = np.array(
+        [mode.s for mode in analyse(compile_stage(StagePlan(context, "press"))).modes()]
+    )
     for pole in hand:
         assert np.min(np.abs(mine - pole)) < 1e-4 * abs(pole)
 
@@ -151,7 +155,7 @@ def test_rigid_contact_and_delay(delay):
             "damping: 30 N*s/m}}"
         )
         context = press(SQUARE, law, contact="stiffness: rigid", more=more, rest=rest)
-        return radius(analyse(StagePlan(context, "press"))) < 1
+        return radius(analyse(compile_stage(StagePlan(context, "press")))) < 1
 
     def by_hand(K):
         K_I = 50 * T
@@ -177,7 +181,7 @@ def test_the_sensor_is_that_of_the_run(sensor):
     context = press(
         SQUARE, law, contact="stiffness: 1 kN/m, damping: 0", more=f"sensor: {{{sensor}}}"
     )
-    seen = analyse(StagePlan(context, "press"))
+    seen = analyse(compile_stage(StagePlan(context, "press")))
     linear, A, B = seen.controller, *seen.plant().step()
     model = SensorModel.of(context.loaded.task.robot.sensor, T)
     running, ticks = RunningSensor(model, np.zeros(6)), 8 * model.hold_ticks
@@ -197,10 +201,9 @@ def test_the_sensor_is_that_of_the_run(sensor):
 
 
 def test_derivative_against_differences():
-    """The derivative along q', wrench and memory is that of the tick itself."""
+    """The derivative along q', wrench and memory is that of the closed form itself."""
     context = press(PANDA, "hybrid", contact="stiffness: 5 kN/m, damping: 20 N*s/m")
-    plan = bare(StagePlan(context, "press"))
-    context = plan.context
+    plan = StagePlan(context, "press")
     assert plan.path is None
     at = Operating(context, compile_stage(plan))
     at.press(np.array([0.1, 0.2, 15.0, 0.0, 0.0, 0.0]), np.zeros(0))
@@ -209,7 +212,7 @@ def test_derivative_against_differences():
     def torque(v, wrench, memory):
         arguments = list(at._arguments)
         arguments[2], arguments[-2] = arguments[2] + v, arguments[-2] + wrench
-        found = at.stage.tick(*arguments, at.memory + memory, at.parameters)
+        found = at.stage.closed_form(*arguments, at.memory + memory, at.parameters)
         return np.array(found[0]).ravel()
 
     size, step = len(at.memory), 1e-5
@@ -234,7 +237,7 @@ def test_free_motion_has_the_poles_of_its_law():
         "law: {kind: hybrid, bandwidth: 3 Hz, damping_ratio: 0.7}\n"
         "stages: {go: {axes: {z: {velocity: 10 mm/s}}, time: 1 s}}\n"
     )
-    seen = analyse(StagePlan(prepare(load_text(text, "free.yaml")), "go"))
+    seen = analyse(compile_stage(StagePlan(prepare(load_text(text, "free.yaml")), "go")))
     loop = sampled.Loop(np.eye(1), 0, 0.0, 0.0, 0.0)
     w = 2 * np.pi * 3
     expected = loop.poles(sampled.motion(loop, w**2, 1.4 * w))
@@ -252,7 +255,7 @@ def test_an_arm_that_nothing_holds_is_neutral():
         contact=None,
         more="balanced: true",
     )
-    found = analyse(StagePlan(prepare(load_text(text, "hold.yaml")), "hold")).modes()
+    found = analyse(compile_stage(StagePlan(prepare(load_text(text, "hold.yaml")), "hold"))).modes()
     # Six undamped oscillators, which semi-implicit Euler steps keep on the unit circle.
     assert len(found) == 6
     assert max(abs(abs(mode.z) - 1) for mode in found) < 1e-9

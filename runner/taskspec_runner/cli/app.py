@@ -69,7 +69,6 @@ def run(
     on: options.On = None,
     lost: options.Lost = "catch-up",
     stop_after: options.StopAfter = 20,
-    no_cache: options.NoCache = False,
 ) -> int:
     """Run a task in simulation, record it and judge what it expects."""
     from taskspec_runner.cli.run import Connection, run_task
@@ -88,7 +87,6 @@ def run(
         loop=None if loop is LoopName.AUTO else loop.value,
         world=world,
         on=None if on is None else Connection(on, lost, stop_after),
-        keeps=not no_cache,
     )
 
 
@@ -278,10 +276,16 @@ def validate(
         list[str] | None,
         typer.Option(metavar="CODES", help="Leave these out, such as TS304 or TS3; as --select."),
     ] = None,
+    static: Annotated[
+        bool, typer.Option("--static", help="Rules alone, without a trial: for editors.")
+    ] = False,
+    worlds: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Try N random worlds of `vary` as well.")
+    ] = 0,
     no_cache: options.NoCache = False,
 ) -> int:
-    """Find what would fail before anything moves."""
-    from taskspec_runner.cli.validate import validate_paths
+    """Find what is wrong with task files: by rules, and by a trial of each."""
+    from taskspec_runner.cli.validate import Examining, validate_paths
 
     return validate_paths(
         paths,
@@ -289,10 +293,7 @@ def validate(
         strict=strict,
         select=select or (),
         ignore=ignore or (),
-        sets=set_ or (),
-        law=law,
-        world=world,
-        seed=seed,
+        how=Examining(tuple(set_ or ()), law, world, seed, static, worlds),
         keeps=not no_cache,
     )
 
@@ -376,11 +377,14 @@ def explain(
     form: Annotated[
         RunFormat, typer.Option("--format", help="Of the explanation.")
     ] = RunFormat.TEXT,
+    static: Annotated[
+        bool, typer.Option("--static", help="Leave out the trial: what the plan tells alone.")
+    ] = False,
 ) -> int:
-    """Say what a task makes of itself and is expected to do; or what a code means."""
+    """Say what a task makes of itself and comes to in a trial; or what a code means."""
     from taskspec_runner.cli.explain import explain_what
 
-    return explain_what(what, set_ or [], law, form)
+    return explain_what(what, set_ or [], law, form, static=static)
 
 
 @app.command()

@@ -51,7 +51,7 @@ def compare_laws(
     quiet: bool,
     form: RunFormat,
 ) -> int:
-    """Runs a task file under several laws and tells how they compare."""
+    """Runs a task file under several laws and compares them."""
     from taskspec_runner.cli.comparison import show_comparison
 
     names = [AS_WRITTEN, *chosen(laws)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,6 +15,12 @@ STDIN = Path("-")
 LAW = "--law"
 #: The sources in which values stand that were given on the command line.
 OPTIONS = (OVERRIDES, LAW)
+
+
+def task_name(path: Path) -> str:
+    """A task's name made from that of its file."""
+    words = re.sub(r"[^a-z0-9]+", "-", path.stem.lower()).strip("-")
+    return words if words[:1].isalpha() else f"task-{words}".strip("-")
 
 
 def changes(sets: Sequence[str], law: str | None) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""What was found about a file before, as the commands ask for it."""
+"""What was found about a file before, as the commands use it."""
 
 from __future__ import annotations
 
@@ -13,17 +13,25 @@ from taskspec_runner.cli.given import STDIN
 if TYPE_CHECKING:
     from taskspec.examined import Examination
 
-_LOADING = Path(__file__).with_name("loading.py")
+#: What is found follows from the runner as well: a trial is run by it.
+_RUNNER = Path(__file__).parents[1]
 
 
 class Before:
     """What was found about a file the last time, as long as it stays as it is now."""
 
     def __init__(
-        self, path: Path, sets: Sequence[str], law: str | None, *, keeps: bool = True
+        self,
+        path: Path,
+        sets: Sequence[str],
+        law: str | None,
+        *,
+        static: bool = False,
+        keeps: bool = True,
     ) -> None:
         """Of a file with its overrides; where nothing is to be kept, nothing is known either."""
-        self._ask = partial(findings_key, path, (*sets, law or ""), (_LOADING,))
+        options = (*sets, law or "", "static" if static else "")
+        self._ask = partial(findings_key, path, options, (_RUNNER,))
         self._key = self._ask() if keeps and path != STDIN else None
 
     def found(self) -> KeptFindings | None:

@@ -11,6 +11,7 @@ import typer
 
 from taskspec.spec.schema import FILE_NAME
 from taskspec.text.suggest import suggestion
+from taskspec_runner.cli.given import task_name
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record.whole import write_whole
 
@@ -85,7 +86,7 @@ def copy_template(source: Path, target: Path) -> list[Path]:
         The files that were written, the task first.
 
     Raises:
-        InputError: a file is in the way.
+        InputError: a file is there already.
         OutputError: a file cannot be written.
     """
     text = renamed(source.read_text(encoding="utf-8"), task_name(target))
@@ -102,12 +103,6 @@ def copy_template(source: Path, target: Path) -> list[Path]:
         except OSError as error:
             raise OutputError.of(path, error) from error
     return list(contents)
-
-
-def task_name(path: Path) -> str:
-    """A task's name made from that of its file."""
-    words = re.sub(r"[^a-z0-9]+", "-", path.stem.lower()).strip("-")
-    return words if words[:1].isalpha() else f"task-{words}".strip("-")
 
 
 def renamed(text: str, name: str) -> str:
@@ -155,7 +150,7 @@ def _references(source: Path) -> Iterator[str]:
 
 
 def _with_schema(text: str, source: Path, target: Path) -> str:
-    """The text with the editor's line as seen from the target, or without it.
+    """The text with the editor's line relative to the target, or without it.
 
     Only a schema beside or below the target moves along with it.
     """

@@ -96,7 +96,7 @@ def serve_plant(
     form: OutcomeFormat,
     force: bool,
 ) -> int:
-    """Serves the plant of a task file for one run, and tells how whoever drove it went."""
+    """Serves the plant of a task file for one run, and reports how the run went."""
     return run_task(
         file,
         sets,

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 #: Speed, start and end, size, frames a second and camera, as the command line has them.
 CutOptions = tuple[float, float | None, float | None, str, float, str | None]
 
-_SMALLEST, _LARGEST = (320, 180), (3840, 2160)
+_SMALLEST_SIZE, _LARGEST_SIZE = (320, 180), (3840, 2160)
 
 
 def replay_run(
@@ -46,7 +46,7 @@ def replay_run(
 
 
 def film(run: Run, video: Path, cut: Clip | None = None, *, quiet: bool = False) -> None:
-    """Writes a run as a video, with a line that tells how far it is."""
+    """Writes a run as a video, with a line of progress."""
     from taskspec_runner.video.film import Clip, check_video, write_video
     from taskspec_runner.video.recording import Recording
 
@@ -85,9 +85,12 @@ def read_cut(
 def _size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text.strip())
     width, height = (int(found[1]), int(found[2])) if found else (0, 0)
-    good = _SMALLEST[0] <= width <= _LARGEST[0] and _SMALLEST[1] <= height <= _LARGEST[1]
+    good = (
+        _SMALLEST_SIZE[0] <= width <= _LARGEST_SIZE[0]
+        and _SMALLEST_SIZE[1] <= height <= _LARGEST_SIZE[1]
+    )
     if not good or width % 2 or height % 2:
-        limits = " to ".join("x".join(map(str, each)) for each in (_SMALLEST, _LARGEST))
+        limits = " to ".join("x".join(map(str, each)) for each in (_SMALLEST_SIZE, _LARGEST_SIZE))
         raise InputError(
             f"--size needs two even numbers of pixels, {limits}, such as 1280x720, not {text!r}"
         )

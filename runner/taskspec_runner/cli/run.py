@@ -6,6 +6,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -15,7 +16,6 @@ from taskspec.deferred_methods import dataclass
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import OutcomeFormat
-from taskspec_runner.cli.kept import Before
 from taskspec_runner.cli.loading import load
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import BY_SIGNAL
@@ -45,9 +45,8 @@ def run_task(
     loop: str | None = None,
     world: str | None = None,
     on: Connects | None = None,
-    keeps: bool = True,
 ) -> int:
-    """Runs a task file and tells how it went; afterwards draws it as a video."""
+    """Runs a task file and reports how it went; afterwards draws it as a video."""
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
     from taskspec_runner.cli.testing.outcome import outcome_of, refused_by
@@ -61,7 +60,7 @@ def run_task(
         on.check(seed=seed, world=world, loop=loop, video=video)
     _check(telemetry, out, video)
     try:
-        program = admitted(file, sets, law, force=force, keeps=keeps)
+        program = admitted(file, sets, law, force=force)
     except SpecError as error:
         if as_text:
             raise
@@ -98,7 +97,7 @@ def run_task(
 
 
 def _check(telemetry: str | None, out: Path | None, video: Path | None) -> None:
-    """Finds out whether there is a way for what is to be written or sent."""
+    """Checks that what is to be written or sent can be."""
     if telemetry is not None:
         from taskspec_runner.loop.telemetry import read_address
 
@@ -123,7 +122,7 @@ class Connects(Protocol):
         """
 
     def link(self, program: Program, say: Callable[[str], None] | None) -> Link:
-        """Waits for the other end; `say` is told that it is waited for.
+        """Waits for the other end; `say` reports that it is waited for.
 
         Raises:
             InputError: it is not there, or not what the program is for.
@@ -208,9 +207,7 @@ def _report(form: OutcomeFormat, outcome: FileOutcome) -> None:
         typer.echo(text)
 
 
-def admitted(
-    file: Path, sets: Sequence[str], law: str | None, *, force: bool, keeps: bool = True
-) -> Program:
+def admitted(file: Path, sets: Sequence[str], law: str | None, *, force: bool) -> Program:
     """The program of a task file.
 
     Args:
@@ -218,14 +215,13 @@ def admitted(
         sets: overrides as `KEY=VALUE`.
         law: a law that replaces those of the file.
         force: whether findings are lifted behind which a program still compiles.
-        keeps: whether what was found before is taken where nothing has changed since.
 
     Raises:
         SpecError: the task is refused; where `force` would lift that, this is said.
     """
     from taskspec.compiler import admit
 
-    examined = _examined(file, sets, law, keeps=keeps)
+    examined = _examined(file, sets, law)
     try:
         return admit(examined, force=force)
     except SpecError:
@@ -234,21 +230,19 @@ def admitted(
         raise
 
 
-def _examined(file: Path, sets: Sequence[str], law: str | None, *, keeps: bool) -> Examination:
-    """The file with what is found about it: now, or the last time that it was the same."""
-    from taskspec.examined import Examination
-    from taskspec.planning import plan_task
-
-    before = Before(file, sets, law, keeps=keeps)
-    loaded = load(file, sets, law)
-    kept = before.found()
-    if kept is not None and before.stays:
-        return Examination(loaded, plan_task(loaded), kept.findings)
+def _examined(file: Path, sets: Sequence[str], law: str | None) -> Examination:
+    """The file with what its rules find; how its run ends the run itself will show."""
     from taskspec.examination import examine
+    from taskspec.rules import predicted
+    from taskspec.text.diagnostic import Severity
 
-    examined = examine(loaded)
-    before.keep(examined)
-    return examined
+    examined = examine(load(file, sets, law))
+    findings = [
+        found
+        for found in examined.findings
+        if found.severity is Severity.ERROR or not predicted(found.code)
+    ]
+    return replace(examined, findings=tuple(findings))
 
 
 def _compiles(examined: Examination) -> bool:

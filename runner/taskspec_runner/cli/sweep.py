@@ -20,12 +20,13 @@ from taskspec_runner.record.names import TABLE
 from taskspec_runner.sweep.executors import workers
 from taskspec_runner.sweep.folder import PAGE, open_sweep, read_written
 from taskspec_runner.sweep.kept import check as check_keep
-from taskspec_runner.sweep.session import SweepGlimpse, SweepResult, Watch, merged, sweep
+from taskspec_runner.sweep.result import SweepResult
+from taskspec_runner.sweep.session import SweepGlimpse, Watch, merged, sweep
 from taskspec_runner.sweep.worlds import Worlds
 
 #: Worlds where neither the file nor an option says how many.
 WORLDS = 100
-#: Seconds between two looks.
+#: Seconds between two samples.
 _PAUSE = 0.2
 
 
@@ -46,7 +47,7 @@ def sweep_task(
     form: RunFormat,
     force: bool,
 ) -> int:
-    """Runs a task file in many worlds and tells what they say together."""
+    """Runs a task file in many worlds and reports their statistics."""
     if sum((corners, grid is not None, count is not None)) > 1:
         raise InputError("--worlds, --corners and --grid each say which worlds: keep one of them")
     share = _share(shard)
@@ -66,7 +67,7 @@ def sweep_task(
 
 
 def merge_parts(parts: Sequence[Path], out: Path | None, *, quiet: bool, form: RunFormat) -> int:
-    """Puts shares of a sweep together and tells what they say."""
+    """Puts shares of a sweep together and reports their statistics."""
     read = [read_written(path) for path in parts]
     first = read[0]
     for path, part in zip(parts, read, strict=True):
@@ -146,7 +147,7 @@ def describe(glimpse: SweepGlimpse) -> str:
     share = 100 * glimpse.good / glimpse.done if glimpse.done else 0.0
     text = f"{glimpse.done} of {glimpse.of} worlds, {share:.1f} % well"
     if not glimpse.rate:
-        return f"{glimpse.done} of {glimpse.of} worlds, more are on their way"
+        return f"{glimpse.done} of {glimpse.of} worlds, more are running"
     return f"{text}, {glimpse.rate:.1f} a second, {_span(glimpse.left)} left"
 
 

@@ -13,19 +13,17 @@ from taskspec.text.units import number, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.record.names import TABLE
 from taskspec_runner.sweep.folder import PAGE
-from taskspec_runner.sweep.session import SweepResult
+from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.summary import (
     MET,
     UNDECIDED,
     interval_text,
-    predicted_text,
-    predicted_wrong,
     rate_text,
 )
 
 _STYLES = {MET: "bold green", UNDECIDED: "bold yellow"}
-#: Influences that are told, at most; and of how likely chance is at the most.
-_MOST, _CHANCE = 6, 0.01
+#: Influences that are shown, at most; and of how likely chance is at the most.
+_MOST_INFLUENCES, _LARGEST_CHANCE = 6, 0.01
 
 
 def show_sweep(result: SweepResult, *, quiet: bool) -> None:
@@ -76,20 +74,16 @@ def _rates(summary: Mapping[str, Any]) -> Any:
 
 def _depends(result: SweepResult) -> Iterator[str]:
     summary, task = result.summary, result.task
-    told = [e for e in summary["influences"] if e["chance"] < _CHANCE][:_MOST]
-    if told:
+    shown = [e for e in summary["influences"] if e["chance"] < _LARGEST_CHANCE][:_MOST_INFLUENCES]
+    if shown:
         parts = [
             f"{each['parameter']} {100 * each['explained']:.0f} % ({each['correlation']:+.2f})"
-            for each in told
+            for each in shown
         ]
         told_of = "share of the margin that it explains, rank correlation"
         yield f"what matters ({told_of}): {', '.join(parts)}"
     for each in summary["regions"]:
         yield each["text"]
-    if looked_at := summary.get("predicted"):
-        wrong = predicted_wrong(looked_at)
-        about = f"; wrong about {_worlds(wrong)}" if wrong else ""
-        yield f"{predicted_text(looked_at)}{about}"
     worst = summary["worst"]
     if worst is not None:
         row = result.rows[worst["world"]]

@@ -1,4 +1,4 @@
-"""`taskspec test`: runs task files as tests, side by side, and tells what failed."""
+"""`taskspec test`: runs task files as tests, side by side, and reports what failed."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ class ChosenFiles:
 
 @dataclass(frozen=True)
 class Telling:
-    """How outcomes are told.
+    """How outcomes are reported.
 
     Attributes:
         form: on standard output.
         junit: a file to write them to as JUnit too.
         durations: how many of the slowest files are named.
-        quiet: whether nothing is told of files that passed.
+        quiet: whether nothing is reported of files that passed.
     """
 
     form: OutcomeFormat = OutcomeFormat.TEXT
@@ -79,7 +79,7 @@ def run_tests(
     Args:
         paths: files, and folders of them.
         selection: which of them.
-        telling: how it is told.
+        telling: how it is reported.
         jobs: how many processes; 0 for one for each processor.
         out: the folder in which runs are kept.
         keep: whether those that passed are kept too.

@@ -1,4 +1,4 @@
-"""`taskspec validate`: everything that can be known about task files without running them."""
+"""`taskspec validate`: what is wrong with task files, by their rules and by a trial of each."""
 
 from __future__ import annotations
 
@@ -27,11 +27,39 @@ from taskspec_runner.loop.interrupt import Termination
 from taskspec_runner.record.names import has_results
 
 if TYPE_CHECKING:
+    from taskspec.examined import Examination
     from taskspec.spec import LoadedTask
 
 _SUFFIXES = (".yaml", ".yml")
-#: Without these a file is read, but nothing that needs a robot can be looked at.
-_NUMERICAL = ("mujoco", "pinocchio", "casadi", "numpy", "scipy")
+#: Without these a file is read, but nothing that needs a robot can be checked.
+_NUMERICAL = ("pinocchio", "casadi", "numpy", "scipy")
+#: Without this all but the trial can be done.
+_SIMULATOR = "mujoco"
+
+
+@dataclass(frozen=True, slots=True)
+class Examining:
+    """How files are examined.
+
+    Attributes:
+        sets: overrides of every file, as `KEY=VALUE`.
+        law: a law that replaces those of every file.
+        world: that is examined, as if the file said that it is the true one: the number of a
+            random one under the seed, or `TABLE:ROW`; None for the true one.
+        seed: of everything random.
+        static: whether the trial is left out.
+        worlds: how many random worlds of `vary` are run.
+    """
+
+    sets: Sequence[str] = ()
+    law: str | None = None
+    world: str | None = None
+    seed: int = 0
+    static: bool = False
+    worlds: int = 0
+
+
+AS_WRITTEN = Examining()
 
 
 def validate_paths(
@@ -41,25 +69,18 @@ def validate_paths(
     strict: bool = False,
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
-    sets: Sequence[str] = (),
-    law: str | None = None,
-    world: str | None = None,
-    seed: int = 0,
+    how: Examining = AS_WRITTEN,
     keeps: bool = True,
 ) -> int:
     """Validates files and folders and says what was found.
 
     Args:
         paths: files, and folders of them; `STDIN` by itself.
-        form: how it is told.
+        form: how it is reported.
         strict: whether warnings count as errors.
         select: prefixes of the codes that count, all of them if there are none.
         ignore: prefixes of codes that do not count.
-        sets: overrides of every file, as `KEY=VALUE`.
-        law: a law that replaces those of every file.
-        world: of which it is asked, as if the file said that it is the true one: the number of a
-            random one under the seed, or `TABLE:ROW`; None for the true one.
-        seed: of everything random.
+        how: they are examined.
         keeps: whether what was found before is taken where nothing has changed since.
 
     Raises:
@@ -67,10 +88,9 @@ def validate_paths(
             override is not one.
     """
     chosen = choice(select, ignore)
-    changes(sets, law)
+    changes(how.sets, how.law)
     files = list(task_files(paths))
-    where = None if world is None else (world, seed)
-    found = examine(files, strict=strict, sets=sets, law=law, world=where, keeps=keeps).only(chosen)
+    found = examine(files, how, strict=strict, keeps=keeps).only(chosen)
     for failure in found.unreadable:
         typer.echo(f"taskspec: {failure.message}", err=True)
     for failure in found.broken:
@@ -98,14 +118,14 @@ def task_files(paths: Sequence[Path]) -> Iterator[Path]:
     """
     if STDIN in paths and len(paths) > 1:
         raise InputError("'-' stands for standard input, and for nothing beside it")
-    seen: set[Path] = set()
+    resolved: set[Path] = set()
     for path in paths:
         found = list(_below(path)) if path.is_dir() else [path]
         if not found:
             raise InputError(f"there is no task file in {path}")
         for file in found:
-            if file.resolve() not in seen:
-                seen.add(file.resolve())
+            if file.resolve() not in resolved:
+                resolved.add(file.resolve())
                 yield file
 
 
@@ -127,11 +147,9 @@ def _below(folder: Path) -> Iterator[Path]:
 
 def examine(
     files: Sequence[Path],
+    how: Examining = AS_WRITTEN,
     *,
     strict: bool = False,
-    sets: Sequence[str] = (),
-    law: str | None = None,
-    world: tuple[str, int] | None = None,
     keeps: bool = True,
 ) -> Validation:
     """Everything that is found about the files; many of them are shared out to the processors.
@@ -140,11 +158,9 @@ def examine(
     """
     # An override stands in no file, so that where there are several each finding names its own.
     several = len(files) > 1
-    # What is found in a world is not kept.
-    keeps = keeps and world is None
-    outcome_of = functools.partial(
-        _outcome, sets=sets, law=law, world=world, several=several, keeps=keeps
-    )
+    # What is found in a world, or in many, is not kept.
+    keeps = keeps and how.world is None and not how.worlds
+    outcome_of = functools.partial(_outcome, how=how, several=several, keeps=keeps)
     diagnostics: dict[str, tuple[Diagnostic, ...]] = {}
     sources: dict[str, dict[str, Source]] = {}
     unreadable: list[Failure] = []
@@ -152,7 +168,7 @@ def examine(
     worlds: list[str] = []
     unchecked = ""
     with Termination():
-        before = [_before(path, sets, law, several) if keeps else None for path in files]
+        before = [_before(path, how, several) if keeps else None for path in files]
         left = [path for path, found in zip(files, before, strict=True) if found is None]
         with closing(in_order(outcome_of, left)) as outcomes:
             now = [found or next(outcomes) for found in before]
@@ -196,8 +212,8 @@ Named = TypeVar("Named", Diagnostic, Note)
 class _Found:
     """What is found about a file.
 
-    `unchecked` says what could not be looked at, and why, `world` what is otherwise in the world
-    that was asked of.
+    `unchecked` says what could not be checked, and why, `world` what is otherwise in the world
+    that was examined.
     """
 
     diagnostics: tuple[Diagnostic, ...]
@@ -206,28 +222,22 @@ class _Found:
     world: str = ""
 
 
-def _before(path: Path, sets: Sequence[str], law: str | None, several: bool) -> _Found | None:
+def _before(path: Path, how: Examining, several: bool) -> _Found | None:
     """What was found about a file that is as it was then; None of another."""
-    kept = Before(path, sets, law).found()
+    kept = Before(path, how.sets, how.law, static=how.static).found()
     if kept is None:
         return None
     found = _Found(kept.findings, kept.sources)
-    return _attributed(found, path) if several and (sets or law) else found
+    return _attributed(found, path) if several and (how.sets or how.law) else found
 
 
 def _outcome(
-    path: Path,
-    sets: Sequence[str],
-    law: str | None,
-    world: tuple[str, int] | None,
-    *,
-    several: bool,
-    keeps: bool,
+    path: Path, *, how: Examining, several: bool, keeps: bool
 ) -> _Found | _Unreadable | _Broken:
     """What is found about a file; of what can go wrong with it, only the words."""
     try:
-        found = _examine(path, sets, law, world, keeps=keeps)
-        return _attributed(found, path) if several and (sets or law) else found
+        found = _examine(path, how, keeps=keeps)
+        return _attributed(found, path) if several and (how.sets or how.law) else found
     except InputError as error:
         return _Unreadable(str(error))
     except Exception as error:
@@ -252,27 +262,24 @@ def _attributed(found: _Found, path: Path) -> _Found:
     )
 
 
-def _examine(
-    path: Path, sets: Sequence[str], law: str | None, world: tuple[str, int] | None, *, keeps: bool
-) -> _Found:
+def _examine(path: Path, how: Examining, *, keeps: bool) -> _Found:
     from taskspec_runner.cli.loading import load
 
-    before = Before(path, sets, law, keeps=keeps)
+    before = Before(path, how.sets, how.law, static=how.static, keeps=keeps)
     try:
-        loaded = load(path, sets, law)
+        loaded = load(path, how.sets, how.law)
     except SpecError as error:
         return _Found(error.diagnostics, dict(error.sources))
     sources = dict(loaded.sources)
+    differs = ""
     try:
         # A file that cannot even be read needs no robot, and one that is known no simulator.
-        from taskspec.examination import examine
-
-        if world is None:
-            examined = examine(loaded)
+        if how.world is not None:
+            loaded, differs = _in_world(path, loaded, how.world, how.seed)
+        examined, lacking = _checked(loaded, how)
+        if not lacking:
             before.keep(examined)
-            return _Found(examined.findings, sources)
-        loaded, differs = _in_world(path, loaded, *world)
-        return _Found(examine(loaded).findings, sources, world=differs)
+        return _Found(examined.findings, sources, lacking, differs)
     except SpecError as error:
         return _Found(error.diagnostics, sources)
     except ImportError as error:
@@ -280,6 +287,39 @@ def _examine(
         if missing not in _NUMERICAL:
             raise
         return _Found(loaded.warnings, sources, _without(missing, error))
+
+
+def _checked(loaded: LoadedTask, how: Examining) -> tuple[Examination, str]:
+    """An examined task, and why its trial was left out; empty where it was not."""
+    from taskspec.examination import examine
+
+    try:
+        from taskspec_runner.trial.check import check
+    except ImportError as error:
+        if (error.name or "").partition(".")[0] != _SIMULATOR:
+            raise
+        return examine(loaded), (
+            f"{_SIMULATOR} cannot be imported ({error}), so nothing was tried: what a run comes to "
+            "was not checked"
+        )
+    examined = check(loaded, static=how.static)
+    return (_with_worlds(examined, how) if how.worlds else examined), ""
+
+
+def _with_worlds(examined: Examination, how: Examining) -> Examination:
+    """The same with what is found in random worlds; of a task that is refused there are none."""
+    from taskspec.compiler import admit
+    from taskspec.program.program import refusals
+    from taskspec.text.diagnostic import Diagnostics
+    from taskspec_runner.sweep.tried import bad_worlds
+
+    if examined.plan is None or refusals(examined.findings):
+        return examined
+    found = Diagnostics(examined.loaded.source.name)
+    found.extend(examined.findings)
+    for finding in bad_worlds(admit(examined), how.worlds, how.seed):
+        finding.report(examined.loaded, found)
+    return replace(examined, findings=found.sorted())
 
 
 def _in_world(path: Path, loaded: LoadedTask, named: str, seed: int) -> tuple[LoadedTask, str]:

@@ -17,8 +17,9 @@ from taskspec_runner.compare.attempt import AS_WRITTEN
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.ranking import ORDER
 from taskspec_runner.record.history import Vector
+from taskspec_runner.record.visits import StageVisit
 from taskspec_runner.report.figures import ANGULAR, LINEAR
-from taskspec_runner.runs import Run, StageVisit
+from taskspec_runner.runs import Run
 
 #: Colours there are for laws.
 COLOURS = 10

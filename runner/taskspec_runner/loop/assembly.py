@@ -14,7 +14,7 @@ from taskspec.program.world.holding import truly_holding
 from taskspec.program.worlds import World, true_world
 from taskspec.robot import RobotError
 from taskspec_runner.errors import InputError
-from taskspec_runner.loop.fixed_step import Driven, Senses
+from taskspec_runner.loop.driven import Driven, Senses
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.log import Log

@@ -26,7 +26,7 @@ from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.fault_time import FaultTime
 
 if TYPE_CHECKING:
-    from taskspec_runner.loop.fixed_step import Senses
+    from taskspec_runner.loop.driven import Senses
 
 Vector = NDArray[np.float64]
 
@@ -198,7 +198,7 @@ class Faults:
             exerted[:] = torque
             for each in self._of[TORQUE]:
                 each.on(self._machine, self._ticks, exerted)
-            # Whatever they are told, motors exert no more than they can.
+            # Whatever they are commanded, motors exert no more than they can.
             np.clip(exerted, -self._limit, self._limit, out=exerted)
             if self._log is not None:
                 self._log[:] = exerted

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import os
-import sys
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +16,11 @@ from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, Transition
 from taskspec_runner.errors import InputError
 from taskspec_runner.link.robot import LinkError
+from taskspec_runner.loop.closed_loop import HEALTHY, LOOK_EVERY, ClosedLoop
+from taskspec_runner.loop.driven import BlockSink, Driven, Senses, TickSink
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.loop.to_rest import Brought, bring_to_rest
 from taskspec_runner.plant.plant import Plant
-from taskspec_runner.record.block import Block
 from taskspec_runner.record.bus import Bus
 
 if TYPE_CHECKING:
@@ -32,19 +30,14 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-#: Squared joint torques, velocities and positions of a sane run stay far below this.
-HEALTHY = 1e12
-#: Ticks between looks at the simulator's warning counters, which are slow to read.
-LOOK_EVERY = 20
-
-#: Loops by their names.
-NATIVE, PYTHON = "native", "python"
+#: Loops by their names: machine code, its first tier alone, and Python.
+NATIVE, INTERPRETED, PYTHON = "native", "interpreted", "python"
+_LOOPS = (NATIVE, INTERPRETED, PYTHON)
 #: A variable of the environment that names the loop of runs that do not name it.
 LOOP = "TASKSPEC_LOOP"
-#: A run that is shorter is over before llvmlite is loaded and code compiled, if it has to be.
-_WORTH = 5000
-#: Ticks from one question to the next whether machine code has been compiled.
-_ASK_EVERY = 100
+#: Ticks of a run after which a thread compiles code of its own. That takes 0.6 to 2 s, and saves 4
+#: to 10 us a tick beside the interpreter.
+_WORTH_COMPILING = 100_000
 #: Ticks that machine code runs at most before Python sees to messages, progress and interrupts.
 _AT_ONCE = 400
 DONE, FAILED, STOPPED = "done", "failed", "stopped"
@@ -63,7 +56,7 @@ class Outcome:
         clock: simulated time [s].
         ticks: control periods.
         loop: what ran the ticks on which nothing happens, `native` or `python`.
-        why_python: why they were not run natively, empty where they were or that was asked for.
+        why_python: why they were not run natively, empty where they were or Python was selected.
         lost: whether an alarm of the simulator ended it, so that there is nothing to be brought to
             rest.
         not_at_rest: why the arm was not brought to rest after it, or not to the end; empty if it
@@ -84,109 +77,6 @@ class Outcome:
     undamped: tuple[int, ...] = ()
 
 
-class TickSink(Protocol):
-    """What takes every tick."""
-
-    def add(self) -> None:
-        """Takes the bus as it is now."""
-
-
-@runtime_checkable
-class BlockSink(TickSink, Protocol):
-    """What takes ticks also by the dozen, from a loop that writes them into its block.
-
-    Attributes:
-        block: where they are to be; None where they need not be kept.
-    """
-
-    block: Block | None
-
-    @property
-    def left(self) -> int:
-        """How many ticks it takes before it has to look at one, the last of them."""
-
-    def advance(self, ticks: int) -> None:
-        """Takes ticks that are in the block."""
-
-    def by_machine_code(self) -> None:
-        """Takes note that machine code runs the ticks."""
-
-
-class DrivenArm(Protocol):
-    """What the loop asks an arm.
-
-    Attributes:
-        diverged: whether alarms are to be looked at now.
-    """
-
-    diverged: bool
-
-
-class Driven(Protocol):
-    """What the loop steps: a plant, or what stands for one that is elsewhere."""
-
-    @property
-    def arm(self) -> DrivenArm:
-        """The arm."""
-
-    def step(self, torque: Vector) -> None:
-        """Holds joint torques (n,) [N m] for one control period.
-
-        Raises:
-            LinkError: it is no longer there.
-        """
-
-    def alarm(self) -> tuple[str, str] | None:
-        """Its own alarm as (name, text), if any."""
-
-    def release(self) -> Plant | None:
-        """Takes it from whoever drove it: the plant whose arm is to be brought to rest from here.
-
-        None where there is none in this process.
-        """
-
-
-class Senses(Protocol):
-    """What gives the controller what is measured."""
-
-    def read(self) -> None:
-        """Writes the measurement into the controller's inputs.
-
-        Raises:
-            LinkError: there is none any more.
-        """
-
-
-@dataclass(frozen=True, slots=True)
-class ClosedLoop:
-    """What a tick goes through.
-
-    Attributes:
-        machine, plant, bus: of the run.
-        sensing: what the machine measures by.
-        recorder: takes every tick; without a block, Python runs them all.
-        faults: of the run, between plant and machine; None for none.
-    """
-
-    machine: Machine
-    plant: Driven
-    bus: Bus
-    sensing: Senses
-    recorder: TickSink
-    faults: Faults | None = None
-
-    @property
-    def read(self) -> Callable[[], None]:
-        """Measures."""
-        read = self.sensing.read
-        return read if self.faults is None else partial(self.faults.read, self.sensing)
-
-    @property
-    def step(self) -> Callable[[Vector], None]:
-        """Holds joint torques (n,) for one control period [N m]."""
-        return self.plant.step if self.faults is None else self.faults.step
-
-
 #: Called now and then with the machine and the simulated time.
 Progress = Callable[[Machine, float], None]
 
@@ -198,9 +88,9 @@ def loop_wanted(loop: str | None) -> str | None:
         InputError: there is none of that name, or not here.
     """
     named = loop or os.environ.get(LOOP) or None
-    if named not in (None, NATIVE, PYTHON):
-        raise InputError(f"{LOOP} names {NATIVE} or {PYTHON}, not {named!r}")
-    if named == NATIVE:
+    if named not in (None, *_LOOPS):
+        raise InputError(f"{LOOP} names {', '.join(_LOOPS[:-1])} or {_LOOPS[-1]}, not {named!r}")
+    if named in (NATIVE, INTERPRETED):
         from taskspec.native.engine import missing
 
         why = missing()
@@ -231,7 +121,9 @@ def run(
         period: of control [s].
         progress: called now and then.
         seed: of everything random in the run: the noise of the sensor.
-        loop: `native`, `python`, or None for the native one where there is one.
+        loop: `native` for code of the run's own, which is waited for; `interpreted` for the
+            interpreter alone; `python`; None for the native loop where there is one, by the tier
+            that is worth it.
         sensing: of a plant that is elsewhere, for which Python runs all ticks; None for the
             sensors of `plant`.
         faults: of the run, which Python runs then; None for none.
@@ -268,7 +160,7 @@ def _run(closed: ClosedLoop, period: float, progress: Progress, inner: _Native) 
     machine.start()
     ticks, clock = 0, 0.0
     while True:
-        done = inner.run(ticks) if ticks >= inner.next else 0
+        done = inner.run(ticks) if inner.runs else 0
         if done:
             ticks += done
             clock = ticks * period
@@ -323,7 +215,7 @@ def _to_rest(closed: ClosedLoop, outcome: Outcome, period: float) -> Brought:
 
 
 def _unseen(machine: Machine, clock: float) -> None:
-    """Progress that nobody looks at."""
+    """Progress that is not shown."""
 
 
 class _Native:
@@ -332,8 +224,8 @@ class _Native:
     Attributes:
         why: why Python runs all ticks, as a sentence; empty where it does not, or is wanted to.
         used: whether machine code has run any.
-        next: ticks of the run before which it runs none.
-        look: whether the plant's alarms are to be looked at after what has been run.
+        runs: whether it may run more.
+        look: whether the plant's alarms are to be checked after what has been run.
         goes_on: whether the tick that follows is the native loop's own.
         sensed: whether the tick that follows has been sensed.
         made: whether the machine has made it, so that only its step and its record are left.
@@ -347,13 +239,17 @@ class _Native:
         self._wanted = wanted
         self._loop: NativeLoop | None = None
         self._sink = closed.recorder if isinstance(closed.recorder, BlockSink) else None
-        self.next = 0.0 if wanted == NATIVE or "llvmlite" in sys.modules else _WORTH
-        if wanted == PYTHON or self._sink is None or not isinstance(closed.sensing, Sensing):
-            self.next = math.inf
+        self.runs = (
+            wanted != PYTHON and self._sink is not None and isinstance(closed.sensing, Sensing)
+        )
         if closed.faults is not None:
-            self.why, self.next = "the faults of the task's truth are Python's", math.inf
-            if wanted == NATIVE:
-                raise InputError(f"the native loop cannot be had: {self.why}")
+            self._stop("the faults of the task's truth are Python's")
+
+    def _stop(self, why: str) -> None:
+        """Has Python run the ticks; an InputError where the native loop is wanted."""
+        if self._wanted in (NATIVE, INTERPRETED):
+            raise InputError(f"the native loop cannot be had: {why}")
+        self.why, self.runs = why, False
 
     @property
     def name(self) -> str:
@@ -362,32 +258,29 @@ class _Native:
 
     def run(self, ticks: int) -> int:
         """Runs ticks after the first `ticks` of a run; returns how many there have been."""
-        # It stays so where `run` is not asked any more.
+        # It stays so where `run` is not called any more.
         self.look = self.goes_on = self.sensed = self.made = False
         assert self._sink is not None
         # With llvmlite these take a tenth of a second to import.
-        from taskspec.native.code import Compiling, NotReadyError
+        from taskspec.native.code import Compiling
         from taskspec.native.engine import EngineError
         from taskspec.native.expressions import UnsupportedOperationError
         from taskspec_runner.loop.native.loop import NativeLoop
         from taskspec_runner.plant.simulator import LayoutError
 
         try:
-            compiling = Compiling.BESIDE if ticks >= _WORTH else Compiling.NOT_YET
+            compiling = Compiling.BESIDE if ticks >= _WORTH_COMPILING else Compiling.NOT_YET
             if self._wanted == NATIVE:
                 compiling = Compiling.WAIT
+            elif self._wanted == INTERPRETED:
+                compiling = Compiling.NEVER
             if self._loop is None:
                 self._loop = NativeLoop(self._closed, self._sink.block)
             done = self._code(self._loop, ticks, compiling)
             while self._loop.ends:
                 done += self._code(self._loop, ticks + done, compiling)
-        except NotReadyError:
-            self.next = ticks + _ASK_EVERY
-            return 0
         except (EngineError, UnsupportedOperationError, LayoutError) as error:
-            if self._wanted == NATIVE:
-                raise InputError(f"the native loop cannot be had: {error}") from error
-            self.why, self.next = str(error), math.inf
+            self._stop(str(error))
             return 0
         self.look, self.made = self._loop.look, self._loop.made
         self.sensed = self._loop.sensed or self.made

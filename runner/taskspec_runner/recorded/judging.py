@@ -22,7 +22,8 @@ from taskspec_runner.record.log import Log
 from taskspec_runner.record.names import TASK
 from taskspec_runner.recorded.column_map import read_columns
 from taskspec_runner.recorded.recording import ForeignLog, read_recording
-from taskspec_runner.runs import ROWS, Run
+from taskspec_runner.result import RunResult
+from taskspec_runner.runs import ROWS
 from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.summary import Simulated, summarise
 
@@ -32,7 +33,7 @@ RECORDED = "recorded"
 
 def judge_recording(
     loaded: LoadedTask, log: Path, columns: Path | None = None, out: Path | None = None
-) -> Run:
+) -> RunResult:
     """Judges a log by a task, and leaves the folder of a run.
 
     Args:
@@ -66,7 +67,7 @@ def judge_recording(
         summary = folder.keep_summary(_summary(program, recording), kept)
         reason, code = summary["ending"]["reason"], summary["exit_code"]
         folder.end(summary["status"], reason, exit_code=code)
-        run = Run.written(folder, program, content, summary, history)
+        run = RunResult.written(folder, program, content, summary, history)
         from taskspec_runner.report import write_report
 
         write_report(run)
@@ -103,9 +104,9 @@ def _outcome(program: Program, recording: ForeignLog, visits: Sequence[Visit]) -
     if recording.ended == FAIL:
         text = f"the guards of stage '{last}' lead to fail"
         return Outcome(FAILED, "guard", text, last, clock, ticks)
-    ways = spec.ways(following)
-    if END not in (*ways, spec.on_fail):
-        text = f"the log ends, and '{ways[-1]}' would follow"
+    targets = spec.ways(following)
+    if END not in (*targets, spec.on_fail):
+        text = f"the log ends, and '{targets[-1]}' would follow"
         return Outcome(FAILED, "log_ends", text, last, clock, ticks)
     return Outcome(DONE, END, "the log ends", last, clock, ticks)
 

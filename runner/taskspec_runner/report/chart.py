@@ -32,8 +32,8 @@ class Trace:
         label: in the legend.
         values: (rows,) in the chart's unit.
         role: what its colour means.
-        style: `line`, `reference` (dashed), `halo` (wide and pale, below the others), `faint`,
-            `predicted` (dashed) or `bound`, of an expectation.
+        style: `line`, `reference` (dashed), `halo` (wide and pale, below the others), `faint`
+            or `bound`, of an expectation.
         signal: its name in the log.
         continuous: whether it runs on through a change of stage.
         reference_of: label of the trace that it is the reference of and shares a legend entry with.
@@ -73,11 +73,11 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A value from `start` to `end` [s], in the chart's unit: a limit, or what was predicted.
+    """A value from `start` to `end` [s], in the chart's unit: a limit, or a value at rest.
 
     Attributes:
         start, end, value, kind, text: see above.
-        look: what tells it apart from others of its kind: `rest` or `peak`.
+        look: what tells it apart from others of its kind: `rest`.
     """
 
     start: float
@@ -104,7 +104,7 @@ class Chart:
     Attributes:
         key, title, unit, note: as shown.
         traces, bands: in drawing order.
-        limits: levels that must not be passed, and predicted ones.
+        limits: levels that must not be passed, and values at rest.
         moments: times of its own.
         always: values that always stay in view.
         factor: from SI to the unit; 0 where each trace has a factor of its own.

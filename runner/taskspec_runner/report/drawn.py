@@ -13,10 +13,11 @@ from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.file_array import blocks
 from taskspec_runner.record.folder import Json
 from taskspec_runner.record.history import Vector
+from taskspec_runner.record.visits import StageVisit
 from taskspec_runner.report import decimate, to_rest
 from taskspec_runner.report.chart import Chart, Trace, tints
 from taskspec_runner.report.quantities import figure
-from taskspec_runner.runs import Run, StageVisit
+from taskspec_runner.runs import Run
 
 #: Every tick this long before and after a change of stage is drawn, up to so many changes [s].
 DETAIL, CHANGES = (0.1, 0.3), 12

@@ -12,7 +12,6 @@ from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS
 from taskspec.signals import SCALARS
 from taskspec.text.units import FORCE, POWER, VELOCITY
 from taskspec_runner.record.history import Vector
-from taskspec_runner.report import predictions
 from taskspec_runner.report.chart import (
     Chart,
     Section,
@@ -27,6 +26,7 @@ from taskspec_runner.report.gaps import gap_charts
 from taskspec_runner.report.joints import joint_positions, joint_torques
 from taskspec_runner.report.mechanisms import coordinate_charts, effort_charts
 from taskspec_runner.report.quantities import plain_scale, quantity, scale
+from taskspec_runner.report.rest_levels import rest_levels
 from taskspec_runner.report.selection import selected
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.metrics import set_points
@@ -105,13 +105,7 @@ def _controlled(run: Run, name: str, on: str) -> Chart | None:
     what = "Moment" if "torque" in name else "Force"
     where = on if on in _ROLES else f"of {name.partition('.')[0]}"
     title = f"{what} {where} against its reference"
-    told = predictions.decay(run, name, factor)
-    if told is not None:
-        traces.append(told)
-    levels_ = (
-        *predictions.rest_levels(run, [name], factor),
-        *predictions.impact_levels(run, [name], factor),
-    )
+    levels_ = tuple(rest_levels(run, [name], factor))
     return Chart(
         f"{name}.ref", title, unit, tuple(traces), bands=bands(run, [name], factor),
         limits=levels_, factor=factor,
@@ -143,10 +137,8 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
     unbounded = [n for n in names if run.column(f"{n}.ref") is None]
     limits = (
         *levels(run, kind, factor, (1, -1)),
-        *predictions.rest_levels(run, unbounded, factor),
-        *predictions.impact_levels(run, unbounded, factor),
+        *rest_levels(run, unbounded, factor),
     )
-    traces += [t for n in unbounded if (t := predictions.decay(run, n, factor)) is not None]
     bounds = bands(run, unbounded, factor)
     return Chart(kind, title, unit, tuple(traces), note, bounds, limits, factor=factor)
 

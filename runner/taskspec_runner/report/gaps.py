@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from taskspec.text.units import LENGTH
-from taskspec_runner.report import predictions
 from taskspec_runner.report.chart import Chart, Trace, bands, size
 from taskspec_runner.report.quantities import quantity, scale
 from taskspec_runner.runs import Run
@@ -45,8 +44,4 @@ def _chart(run: Run, key: str, names: Sequence[str]) -> Chart | None:
     if deepest < 0:
         note = f"deepest {' '.join(quantity(-deepest, LENGTH))} inside"
     bounds = bands(run, ["gap", *names] if "gap" not in names else names, factor)
-    told = predictions.depth_levels(run, [n.removesuffix(_GAP) for n in names], factor)
-    depths = tuple(told) if surfaces else ()
-    return Chart(
-        key, title, unit, tuple(traces), note, bounds, depths, always=(0.0,), factor=factor
-    )
+    return Chart(key, title, unit, tuple(traces), note, bounds, always=(0.0,), factor=factor)

@@ -10,13 +10,14 @@ import numpy as np
 
 from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.history import Vector
+from taskspec_runner.record.visits import StageVisit
 from taskspec_runner.record.whole import write_whole
-from taskspec_runner.report import figures, predictions
+from taskspec_runner.report import figures
 from taskspec_runner.report.chart import Chart, size, tints
 from taskspec_runner.report.drawing import Panel, Stroke, Tick, path_data, tick_text, ticks
 from taskspec_runner.report.plane import PlotPlane, Times
 from taskspec_runner.report.template import template
-from taskspec_runner.runs import Run, StageVisit
+from taskspec_runner.runs import Run
 from taskspec_runner.verdict.limit_effects import held_joints
 from taskspec_runner.verdict.outcome import verdict
 
@@ -145,14 +146,12 @@ def _borne(forces: Chart | None) -> Chart | None:
 
 
 def _panel(run: Run, chart: Chart, y: float, times: Times) -> Panel:
-    # What was predicted is in the report; the picture shows what was.
-    traces = [t for t in chart.traces if t.style != predictions.ROLE]
-    finite = (t.values[np.isfinite(t.values)] for t in traces)
+    finite = (t.values[np.isfinite(t.values)] for t in chart.traces)
     values = np.array([end(part) for part in finite if len(part) for end in (np.min, np.max)])
     sides = [v for b in chart.bands for v in (b.low, b.high) if v is not None]
     plane = PlotPlane.around(times, values, y, _PANEL, _ROOM, sides)
     lines = []
-    for trace in traces:
+    for trace in chart.traces:
         gaps = run.breaks[:0] if trace.continuous else run.breaks
         points = plane.points(run.clock, trace.values, run.breaks, gaps)
         name = "" if trace.reference_of else trace.label

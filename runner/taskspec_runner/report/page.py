@@ -14,14 +14,14 @@ from taskspec_runner.link.link import sentence
 from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.folder import Json, mapping, mappings, number
 from taskspec_runner.record.names import REPORT
+from taskspec_runner.record.visits import StageVisit
 from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report import annotated, drawn, figures, tables, to_rest
 from taskspec_runner.report.chart import Chart, Section, tints
 from taskspec_runner.report.overview import overview_svg
-from taskspec_runner.report.predictions import stage_prediction
 from taskspec_runner.report.quantities import figure
 from taskspec_runner.report.template import part, script, template
-from taskspec_runner.runs import Run, StageVisit
+from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judged import SHARE, Judged, Margin
 from taskspec_runner.verdict.outcome import first_broken, is_measured, so_far, verdict
 from taskspec_runner.video.still import still_for_report
@@ -188,7 +188,6 @@ def _facts_of_manifest(run: Run) -> Json:
 
 
 def _visit_row(run: Run, visit: StageVisit) -> Json:
-    expected = number(stage_prediction(run, visit.stage).get("duration"))
     return {
         "label": run.label(visit),
         "tint": tints(run)[visit.stage],
@@ -196,7 +195,6 @@ def _visit_row(run: Run, visit: StageVisit) -> Json:
         "start": visit.start,
         "end": visit.end,
         "duration": visit.end - visit.start,
-        "told": "" if expected is None else f"{expected:.3f} s",
         "share": 1e3 * (visit.end - visit.start) / max(run.visits[-1].end, 1e-9),
         "why": _text(visit.ended_by.get("text")),
         "to": _text(visit.ended_by.get("to")),

@@ -6,23 +6,21 @@ from collections.abc import Iterator
 
 from taskspec_runner.record.folder import Json, mapping, number
 from taskspec_runner.report.chart import tints
-from taskspec_runner.report.predictions import stage_prediction
 from taskspec_runner.report.quantities import figure, quantity
+from taskspec_runner.report.rest_levels import rest_value
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
 from taskspec_runner.verdict.limit_effects import sentences
-from taskspec_runner.verdict.predicted import axis_of
 from taskspec_runner.verdict.protected import sentences as near
 
 #: Columns of a response; see the note below the table.
 _RESPONSES = [
     "set point",
-    "predicted rest",
+    "closed form",
     "rest",
     "overshoot",
     "settled after",
     "within",
-    "predicted time constant",
     "time constant",
 ]
 _STATISTICS = ("rms_error", "max_error", "final_error", "mean", "min", "max")
@@ -75,18 +73,14 @@ def _response(run: Run, stage: str, name: str, values: Json) -> list[tuple[str, 
     if overshoot and step:
         over = (over[0], f"{over[1]}, {figure(100 * overshoot / abs(step), 2)} %")
     settled, constant = (number(values.get(key)) for key in ("settling_time", "time_constant"))
-    predicted = stage_prediction(run, stage)
-    rest = number(mapping(mapping(predicted.get("equilibrium")).get(name)).get("value"))
-    slowest = mapping(mapping(predicted.get("settling")).get(axis_of(name)))
-    wanted = number(values.get("set_point")) if values.get("target") != "prediction" else None
+    wanted = number(values.get("set_point")) if values.get("target") != "closed form" else None
     return [
         quantity(wanted, unit),
-        quantity(rest, unit),
+        quantity(rest_value(run, stage, name), unit),
         quantity(number(values.get("rest")), unit),
         over,
         ("never", "") if settled is None else (f"{settled:.3f}", "s"),
         _within(sides, unit, str(values.get("settled_within") or "")),
-        _milliseconds(number(slowest.get("time_constant"))),
         _milliseconds(constant),
     ]
 

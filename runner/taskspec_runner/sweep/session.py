@@ -15,7 +15,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.spec import Task
 from taskspec_runner.errors import InputError
-from taskspec_runner.record.folder import Json, check_unlocked
+from taskspec_runner.record.folder import check_unlocked
 from taskspec_runner.record.manifest import inputs, task_bytes, versions
 from taskspec_runner.record.names import TABLE
 from taskspec_runner.record.whole import write_whole
@@ -31,7 +31,7 @@ from taskspec_runner.sweep.folder import (
     open_sweep,
     read_written,
 )
-from taskspec_runner.sweep.predicted import predicted
+from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.summary import summarise
 from taskspec_runner.sweep.table import table_bytes
 from taskspec_runner.sweep.world_run import Row, broken_row
@@ -62,27 +62,6 @@ class SweepGlimpse:
 
 
 Watch = Callable[[SweepGlimpse], None]
-
-
-@dataclass(frozen=True, slots=True)
-class SweepResult:
-    """A sweep that is over, or one share of it.
-
-    Attributes:
-        task: of it.
-        path: of its folder.
-        rows: in the order of the worlds.
-        summary: what `sweep.json` says; of a share, without a verdict.
-        continued: worlds that were there before.
-        shard: which share it is, and of how many; (1, 1) for all of it.
-    """
-
-    task: Task
-    path: Path
-    rows: tuple[Row, ...]
-    summary: Json
-    continued: int = 0
-    shard: tuple[int, int] = _WHOLE
 
 
 def sweep(
@@ -126,18 +105,15 @@ def sweep(
     with open_sweep(out, name, said) as folder:
         folder.begin(task_bytes(loaded))
         continued = len(folder.rows)
-        told: Json | None = None
         with _interrupts_told(folder, len(worlds.shard(*shard))), Crew(workers) as crew:
             _run_missing(folder, bundle, worlds, worlds.shard(*shard), crew, watch)
-            if shard == _WHOLE:
-                told = _predicted(crew, bundle, worlds, _ordered(folder))
         if shard != _WHOLE:
             ordered = tuple(folder.rows[index] for index in sorted(folder.rows))
             good = sum(row["success"] for row in ordered)
             summary = {"shard": list(shard), "done": len(ordered), "good": good, "exit_code": 0}
             folder.end(**summary)
             return SweepResult(loaded.task, folder.path, ordered, summary, continued, shard)
-        ended = _ended(loaded.task, folder, told)
+        ended = _ended(loaded.task, folder)
         chosen = kept.chosen(keep, ended.rows)
         kept.keep_runs(folder.path, bundle, worlds, chosen, workers.jobs)
         _write_page(ended, folder)
@@ -170,7 +146,7 @@ def merged(
             f"{len(missing)} of {count} worlds are in none of the shares: {some}; run the shares "
             "that are missing, or were broken off, and merge again"
         )
-    ended = _ended(task, folder, None)
+    ended = _ended(task, folder)
     _write_page(ended, folder)
     return ended
 
@@ -196,10 +172,7 @@ def read_result(path: Path) -> tuple[SweepResult, WrittenSweep]:
             "made with goes on with those that are missing"
         )
     task, rows = read.task.task, tuple(read.rows[index] for index in sorted(read.rows))
-    summary = {
-        **summarise(task, rows, read.said["worlds"]["kind"]),
-        "predicted": read.said.get("predicted"),
-    }
+    summary = summarise(task, rows, read.said["worlds"]["kind"])
     return SweepResult(task, path, rows, summary), read
 
 
@@ -330,16 +303,6 @@ def _run_missing(
             folder.add(broken_row(index, "the process that ran it died"))
 
 
-def _predicted(crew: Crew, bundle: Bundle, worlds: Worlds, ordered: Sequence[Row]) -> Json:
-    """What is predicted of worlds, by the processes that ran them as far as they live."""
-    try:
-        return predicted(crew.there, bundle, worlds, ordered, crew.jobs)
-    except BrokenProcessPool:
-        if not crew.renew():
-            raise
-        return predicted(None, bundle, worlds, ordered, 1)
-
-
 class _Progress:
     """Keeps rows as they come, and tells how far a sweep is."""
 
@@ -375,10 +338,10 @@ def _ordered(folder: SweepFolder) -> tuple[Row, ...]:
     return tuple(folder.rows[index] for index in sorted(folder.rows))
 
 
-def _ended(task: Task, folder: SweepFolder, told: Json | None) -> SweepResult:
+def _ended(task: Task, folder: SweepFolder) -> SweepResult:
     ordered = _ordered(folder)
     kind = folder.said["worlds"]["kind"]
-    summary = {**summarise(task, ordered, kind), "predicted": told}
+    summary = summarise(task, ordered, kind)
     folder.write(TABLE, table_bytes(folder.rows, {"taskspec": task.name}))
     folder.end(**summary)
     return SweepResult(task, folder.path, ordered, summary)

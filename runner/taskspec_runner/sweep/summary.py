@@ -106,22 +106,6 @@ def interval_text(rate: Mapping[str, Any]) -> str:
     return f"{low:.4g} to {high:.4g} %"
 
 
-def predicted_text(told: Mapping[str, Any]) -> str:
-    """How validate's findings about single worlds compare with what became of them."""
-    parts = []
-    for kind in ("failed", "good"):
-        found = told[kind]
-        if found["of"]:
-            codes = f" ({', '.join(found['codes'])})" if found["codes"] else ""
-            parts.append(f"{found['announced']} of {found['of']} {kind} ones{codes}")
-    return f"validate warns of trouble in {' and '.join(parts)} that were looked at"
-
-
-def predicted_wrong(told: Mapping[str, Any]) -> list[int]:
-    """The worlds that were looked at of which validate says something else than came of them."""
-    return sorted(world for kind in ("failed", "good") for world in told[kind]["wrong"])
-
-
 def expectation_rates(
     task: Task, rows: Sequence[Row], *, sampled: bool = True
 ) -> dict[str, tuple[str, Rate]]:

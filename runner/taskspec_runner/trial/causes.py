@@ -18,7 +18,6 @@ from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.plan import StagePlan
 from taskspec.program.sensor import SensorModel
-from taskspec.program.world.stiffness import mass_along
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.rebuild import GRAVITY
 from taskspec.rules.finding import Place
@@ -27,6 +26,7 @@ from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, key_of
 from taskspec.spec.robot import Robot
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, inside, show
+from taskspec_runner.trial.impact import impact_at
 from taskspec_runner.trial.moment import Moment
 
 Vector = NDArray[np.float64]
@@ -201,31 +201,22 @@ def commanded(moment: Moment) -> Cause | None:
 def blow(moment: Moment) -> Cause | None:
     """A touch with a speed: a mass m that meets a contact k with v presses with v sqrt(k m)."""
     row, contact = moment.first_touch, moment.pressed
-    if row is None or not contact or row == 0:
+    touch = impact_at(moment, row, contact) if row is not None and contact else None
+    if touch is None:
         return None
-    context = moment.stage.context
-    compliance = context.compliances[contact]
-    q = _joints(moment, row)
-    mass = mass_along(context.robot, q, moment.stage.normal_of(contact))
-    lasts = BLOWS * math.pi * math.sqrt(mass / compliance.stiffness)
-    passed = moment.value("clock") - moment.value("clock", row)
-    first = max(0, row - 4)
-    gaps = [moment.value(f"{contact}.gap", each) for each in (first, row - 1)]
-    if passed > lasts or row - 1 <= first or not all(map(math.isfinite, gaps)):
-        return None
-    speed = (gaps[0] - gaps[1]) / ((row - 1 - first) * context.period)
-    peak = speed * math.sqrt(mass * compliance.stiffness)
-    if peak < EXPLAINS * float(np.linalg.norm(moment.force())):
+    passed = moment.value("clock") - moment.value("clock", touch.row)
+    weak = touch.peak < EXPLAINS * float(np.linalg.norm(moment.force()))
+    if passed > BLOWS * touch.half_period or weak:
         return None
     bound = moment.stage.limits.force
     hint = "come there more slowly"
-    if bound is not None and peak > bound:
-        slower = show(inside(speed * bound / peak, upper=True, digits=2), "mm/s")
-        hint = f"come there with {slower} or less, or raise the limit"
+    if bound is not None and touch.peak > bound:
+        slower = inside(touch.speed * bound / touch.peak, upper=True, digits=2)
+        hint = f"come there with {show(slower, 'mm/s')} or less, or raise the limit"
     return Cause(
-        f"the tool meets {contact!r} with {show(speed, 'mm/s', 3)}, and "
-        f"{show(mass, 'kg', 2)} on {show(compliance.stiffness, 'kN/m', 3)} make of that about "
-        f"{show(peak, 'N', 2)}",
+        f"the tool meets {touch.contact!r} with {show(touch.speed, 'mm/s', 3)}, and "
+        f"{show(touch.mass, 'kg', 2)} on {show(touch.stiffness, 'kN/m', 3)} make of that about "
+        f"{show(touch.peak, 'N', 2)}",
         hint,
         motion_of(moment.stage),
     )
@@ -350,7 +341,7 @@ def runaway(moment: Moment) -> Cause | None:
         fastest = max(abs(moment.value(f"velocity.{a}")) for a in moment.stage.translations)
         if not plan.set_point or not wanted or axis.is_rotation or rate < fastest / RUNS_AWAY:
             continue
-        if touching and abs(moment.stage.facing(axis)) > MOSTLY:
+        if touching and abs(moment.stage.contacts.facing(axis)) > MOSTLY:
             continue
         returns = "friction returns less than" if touching else "nothing returns"
         return Cause(
@@ -454,7 +445,7 @@ def fast_joint(moment: Moment, joint: int) -> Cause | None:
 
 def left_apart(moment: Moment) -> Cause | None:
     """A stage that waits for a contact and has not come to one."""
-    contact = moment.stage.approached or moment.stage.contact
+    contact = moment.stage.contacts.approached or moment.stage.contacts.main
     if contact is None or moment.value("touching") > 0 or not moment.has(f"{contact}.gap"):
         return None
     gap = moment.value(f"{contact}.gap")
@@ -502,8 +493,3 @@ def unfinished_path(moment: Moment) -> Cause | None:
         "give it more time, or move faster",
         motion_of(moment.stage),
     )
-
-
-def _joints(moment: Moment, row: int) -> Vector:
-    n = moment.stage.context.robot.pin.nv
-    return np.array([moment.value(f"joint.{i + 1}.position", row) for i in range(n)])

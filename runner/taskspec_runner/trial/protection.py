@@ -113,9 +113,9 @@ class _References:
         if stage.joint_path is not None:
             period = self._trial.program.context.period
             rates = np.stack([self._column(f"joint.{i + 1}.velocity") for i in range(n)], axis=1)
-            found = np.diff(rates, n=1 if key == "acceleration" else 2, axis=0)
-            found = found / period ** (1 if key == "acceleration" else 2)
-            return np.arange(len(found)), found
+            order = 1 if key == "acceleration" else 2
+            derived = np.diff(rates, n=order, axis=0) / period**order
+            return np.arange(len(derived)), derived
         values = self._tip[key]
         if not stage.frame.still or not len(values):
             return np.zeros(0, np.int64), np.zeros((0, n))

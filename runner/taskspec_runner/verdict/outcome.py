@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from taskspec.deferred_methods import dataclass
-from taskspec_runner.record.folder import number
+from taskspec_runner.record.extent import Extent
+from taskspec_runner.record.folder import Json, number
+from taskspec_runner.record.visits import StageVisit
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.run_finding import RunFinding
-
-if TYPE_CHECKING:
-    from taskspec_runner.runs import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +34,33 @@ class Verdict:
     rest: str = ""
 
 
-def verdict(run: Run) -> Verdict:
+class JudgedRun(Protocol):
+    """What a verdict follows from; see `taskspec_runner.runs.Run`."""
+
+    @property
+    def extent(self) -> Extent: ...  # noqa: D102
+    @property
+    def damage(self) -> str: ...  # noqa: D102
+    @property
+    def manifest(self) -> Json: ...  # noqa: D102
+    @property
+    def summary(self) -> Json: ...  # noqa: D102
+    @property
+    def link(self) -> Json: ...  # noqa: D102
+    @property
+    def expectations(self) -> Sequence[Judged]: ...  # noqa: D102
+    @property
+    def not_judged(self) -> str | None: ...  # noqa: D102
+    @property
+    def faults(self) -> Sequence[RunFinding]: ...  # noqa: D102
+    @property
+    def visits(self) -> Sequence[StageVisit]: ...  # noqa: D102
+    @property
+    def period(self) -> float: ...  # noqa: D102
+    def label(self, visit: StageVisit) -> str: ...  # noqa: D102
+
+
+def verdict(run: JudgedRun) -> Verdict:
     """The verdict on a run, from its summary; without one, the run did not finish."""
     status = run.extent.status
     if run.damage:
@@ -60,7 +85,7 @@ def verdict(run: Run) -> Verdict:
     return Verdict(kind, _passed(len(run.expectations)) + f" {_reached_end(run)}")
 
 
-def _unfinished(run: Run, status: str) -> str:
+def _unfinished(run: JudgedRun, status: str) -> str:
     holds = run.extent.holds
     holds = f"{holds[0].upper()}{holds[1:]}."
     if status == "crashed":
@@ -72,7 +97,7 @@ def _unfinished(run: Run, status: str) -> str:
     return f"The run did not finish: {run.extent.why}. {holds} {so}".rstrip()
 
 
-def so_far(run: Run) -> str:
+def so_far(run: JudgedRun) -> str:
     """How many expectations a run met that broke off; empty if it did not, or had none."""
     status, total = run.summary.get("status"), len(run.expectations)
     met = sum(e.passed is True for e in run.expectations)
@@ -92,13 +117,13 @@ def _broken_off(ending: Mapping[str, Any]) -> str:
     return f"{place[0].upper()}{place[1:]}: {why}." if place else f"{why}."
 
 
-def first_broken(run: Run) -> Judged | None:
+def first_broken(run: JudgedRun) -> Judged | None:
     """The expectation that was broken before all others; None where no tick broke one."""
     broken = [e for e in run.expectations if e.missed and e.broken is not None]
     return min(broken, key=lambda e: e.broken.clock if e.broken else 0.0, default=None)
 
 
-def _undecided(run: Run) -> str:
+def _undecided(run: JudgedRun) -> str:
     """What could not be judged, and of what was that it was met."""
     open_ = [each for each in run.expectations if each.passed is None]
     lacking = ", ".join(dict.fromkeys(name for each in open_ for name in each.unrecorded))
@@ -108,7 +133,7 @@ def _undecided(run: Run) -> str:
     return f"{some} cannot be judged, as {lacking} was not recorded.{rest}"
 
 
-def _missed_verdict(run: Run, missed: int) -> Verdict:
+def _missed_verdict(run: JudgedRun, missed: int) -> Verdict:
     rest = _missed(missed, len(run.expectations), _missing(run))
     first = first_broken(run)
     if first is None or first.broken is None:
@@ -120,7 +145,7 @@ def _missed_verdict(run: Run, missed: int) -> Verdict:
     return Verdict("missed", f"{sentence} {rest}", first, stage, rest)
 
 
-def stage_at(run: Run, clock: float) -> str:
+def stage_at(run: JudgedRun, clock: float) -> str:
     """Label of the visit at a run time [s]; empty without one."""
     found = (v for v in run.visits if v.start - run.period / 2 < clock < v.end - run.period / 2)
     visit = next(found, None)
@@ -131,24 +156,24 @@ def _faults(faults: Sequence[RunFinding]) -> str:
     return " ".join(f"In stage {each.stage}, {each.text}." for each in faults)
 
 
-def _all_else(run: Run) -> str:
+def _all_else(run: JudgedRun) -> str:
     total = len(run.expectations)
     if any(each.passed is None for each in run.expectations):
         return _undecided(run)
     return _passed(total) if total else _reached_end(run)
 
 
-def is_recorded(run: Run) -> bool:
+def is_recorded(run: JudgedRun) -> bool:
     """Whether a log was judged that was recorded elsewhere."""
     return bool(run.summary.get("recorded"))
 
 
-def is_measured(run: Run) -> bool:
+def is_measured(run: JudgedRun) -> bool:
     """Whether what is judged was measured, and nobody knows what was true."""
     return is_recorded(run) or run.link.get("measured") is True
 
 
-def _missing(run: Run) -> str:
+def _missing(run: JudgedRun) -> str:
     """Who missed something, as the beginning of a sentence."""
     if is_recorded(run):
         return "As measured, the log"
@@ -168,7 +193,7 @@ def _passed(total: int) -> str:
     return "The expectation held." if total == 1 else f"All {total} expectations held."
 
 
-def _reached_end(run: Run) -> str:
+def _reached_end(run: JudgedRun) -> str:
     visits, stages = len(run.visits), len({v.stage for v in run.visits})
     after = f" after {stages} stage{'s' if stages != 1 else ''}" if stages else ""
     if visits > stages:

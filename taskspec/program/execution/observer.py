@@ -69,7 +69,7 @@ class _Observed:
         self._parameters, self._entered = np.zeros((2, stage.parameters.size))
         self._poses = np.zeros(12 * len(entry.poses))
         cubics = np.zeros(entry.function.nnz_out(2))
-        given = [*inputs, handed, self._poses, np.zeros(0)]
+        given = [*inputs, handed, self._poses, stage.gains]
         self._entry = BoundFunction(entry.function, given, [self._memory, self._entered, cubics])
         n = len(inputs[1])
         results = [np.zeros(n), self._next, outputs, np.zeros(stage.tick.numel_out(3)), np.zeros(n)]

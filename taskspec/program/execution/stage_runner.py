@@ -72,10 +72,9 @@ class StageRunner:
         self.tick = BoundFunction(stage.tick, arguments, results)
         self.tracks, entry = Tracks(stage, parameters, memory), stage.entry
         self._poses = np.zeros(entry.function.nnz_in(len(inputs) + 1))
-        given = [*inputs, handed, self._poses, np.zeros(0)]
+        given = [*inputs, handed, self._poses, stage.gains]
         results = [memory, parameters, self.tracks.numbers]
         self.entry = BoundFunction(entry.function, given, results)
-        assert stage.leaving is not None
         # The run's time is beside the stage's.
         self.leaving = BoundFunction(stage.leaving, [outputs, inputs[0][1:2]], [handed])
         slots = stage.parameters.slots

@@ -44,6 +44,11 @@ class AxisPlan:
         """Whether it has a force set point, whatever the law makes of it."""
         return self.force or self.open_loop
 
+    @property
+    def leads(self) -> bool:
+        """Whether another axis may follow its reference: that of a motion which is commanded."""
+        return self.motion and not self.force and self.mode.leads and not self.axis.is_soft
+
 
 def plan_axes(
     axes: tuple[Axis, ...],

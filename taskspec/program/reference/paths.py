@@ -13,7 +13,7 @@ from taskspec.motion.paths import PathForm, TableFile
 from taskspec.motion.table import OutsideError, Table, TableError, read_table
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
-from taskspec.program.reference.slowed_path import speeds
+from taskspec.program.reference.path_share import speeds
 from taskspec.robot import RobotError
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.start import check_joints, inside_limits

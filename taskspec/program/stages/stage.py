@@ -9,9 +9,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.gains import Gains
+from taskspec.program.errors import spec_error
 from taskspec.program.events import Condition, Event, code
 from taskspec.program.limits.programs import resolve
 from taskspec.program.limits.resolution import Resolution, Resolved, saturated
@@ -19,14 +22,16 @@ from taskspec.program.operators import quick_operators
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement, measure
 from taskspec.program.reference.slowed_path import INITIAL
+from taskspec.program.signals import UnknownSignalError
 from taskspec.program.slots import Slots, gain_slot
 from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
 from taskspec.program.stages.conditions import limit_conditions, stage_conditions
 from taskspec.program.stages.entry import Entering, StageEntry
 from taskspec.program.stages.hand_over import leaving
-from taskspec.program.stages.outputs import outputs, probe
+from taskspec.program.stages.outputs import of_the_law, outputs, probe
 from taskspec.program.stages.protected import protection_conditions
+from taskspec.spec import FILE
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +47,11 @@ class CompiledStage:
         events: what the event number means, 1-based.
         tick: the fused function. Its results are the torque (n,), the next memory, the outputs,
             what the programs of its limits are made of, and the torque (n,) of the law's closed
-            form, before anything that is carried, limits and saturation; of a stage that is only
-            analysed this is empty.
+            form, before anything that is carried, limits and saturation.
+        closed_form: the tick's inputs -> that torque (n,), the next memory, the numbers of
+            `LAW` and the reference of each equation: what the stage is analysed by.
         entry: how it is entered.
-        leaving: what it hands on, see `hand_over.leaving`; None of one that is only analysed.
+        leaving: what it hands on, see `hand_over.leaving`.
         own: at entry, the tick's inputs -> own(0) and own'(0) of every axis before blending.
         choice: of the reduced coordinates, under a multiplier law with constraints.
         resolution: under `solve: qp`.
@@ -59,8 +65,9 @@ class CompiledStage:
     initial: Mapping[str, float]
     events: tuple[Event, ...]
     tick: ca.Function
+    closed_form: ca.Function
     entry: StageEntry
-    leaving: ca.Function | None
+    leaving: ca.Function
     own: ca.Function
     choice: Choice | None
     resolution: Resolution | None
@@ -70,41 +77,57 @@ class CompiledStage:
         """As in the file."""
         return self.plan.name
 
+    @property
+    def gains(self) -> NDArray[np.float64]:
+        """Values of the gains that are parameters, as the entry takes them."""
+        gains = self.plan.gains
+        return np.array([gains[name][axis].value for name, axis in self.entry.gains], dtype=float)
 
-@quick_operators()
-def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
+
+def compile_stage(plan: StagePlan) -> CompiledStage:
     """Compiles one stage.
+
+    Its gains are parameters, so that the same functions serve for others; see `tunable`.
 
     Args:
         plan: of the stage.
-        to_run: whether the tick is to be evaluated often. What comes more than once in it is then
-            looked for, which takes as long as all else. A stage that is only analysed has no
-            events: what ends it is not compiled. Its gains are parameters, so that the same
-            functions serve for others; see `tunable`.
+
+    Raises:
+        SpecError: it cannot evaluate a signal.
     """
+    try:
+        return _compiled(plan)
+    except UnknownSignalError as error:
+        message = f"stage {plan.name!r} cannot evaluate {error}"
+        raise spec_error(plan.context.loaded, FILE.stages[plan.name], "TS224", message) from error
+
+
+@quick_operators()
+def _compiled(plan: StagePlan) -> CompiledStage:
     context = plan.context
     measurement = measure(plan)
-    filled = plan if to_run else plan.but(gains=tunable(plan.gains, measurement.parameters))
+    filled = plan.but(gains=tunable(plan.gains, measurement.parameters))
     commanded = command(filled, measurement)
     limited = _limited(plan, measurement, commanded) if plan.law.solve == "qp" else None
     torque = limited.limits.torque if limited else saturated(context.robot, commanded.torque)
     measurement.table.situation.torque = torque
-    conditions = _conditions(plan, measurement, commanded) if to_run else []
-    number, value, events = code(conditions)
+    number, value, events = code(_conditions(plan, measurement, commanded))
     memory, parameters, references = (
         measurement.memory,
         measurement.parameters,
         commanded.references,
     )
     updates = references.updates | commanded.forces.updates | measurement.algebra.updates
+    remembered = memory.stack(updates)
     results = [
         torque,
-        memory.stack(updates),
+        remembered,
         outputs((number, value), measurement, commanded, limited),
         limited.handed_over if limited else ca.SX(0, 1),
-        commanded.closed_form if to_run else ca.SX(0, 1),
+        commanded.closed_form,
     ]
     arguments = [*measurement.inputs.symbols(), memory.vector(), parameters.vector()]
+    law = [commanded.closed_form, remembered, of_the_law(measurement, commanded)]
     own = ca.Function("own", arguments, [references.own, references.own_rate])
     at_entry = probe(arguments, measurement, commanded)
     initial = dict(measurement.algebra.initial)
@@ -117,9 +140,10 @@ def compile_stage(plan: StagePlan, *, to_run: bool = True) -> CompiledStage:
         parameters=parameters,
         initial=initial,
         events=events,
-        tick=ca.Function("tick", arguments, results, {"cse": to_run}),
+        tick=ca.Function("tick", arguments, results),
+        closed_form=ca.Function("closed_form", arguments, law),
         entry=Entering(plan, filled.gains, measurement, initial, at_entry, own).entry(),
-        leaving=leaving(plan) if to_run else None,
+        leaving=leaving(plan),
         own=own,
         choice=candidates(arguments, commanded),
         resolution=limited.compiled(arguments) if limited else None,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.native import quadratic
-from taskspec.native.code import Compiling, NotReadyError, kernel_engine
+from taskspec.native.code import Compiling, kernel_engine
 from taskspec.native.engine import EngineError
 from taskspec.native.expressions import UnsupportedOperationError
 from taskspec.program.execution import pivots, stage_solver
@@ -18,10 +18,10 @@ from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.machine import Machine, Opening
 from taskspec.program.execution.stage_runner import StageRunner
 from taskspec.program.ports import fields, slices
-from taskspec_runner.loop import fixed_step
-from taskspec_runner.loop.fixed_step import LOOK_EVERY, ClosedLoop
+from taskspec_runner.loop import closed_loop
+from taskspec_runner.loop.closed_loop import LOOK_EVERY, ClosedLoop
 from taskspec_runner.loop.native import tick_memory, ticks
-from taskspec_runner.loop.native.tick_memory import LIBRARY, TickMemory
+from taskspec_runner.loop.native.tick_memory import LIBRARY, Evaluation, TickMemory
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.plant import simulator
 from taskspec_runner.plant.equations import XBODY
@@ -33,7 +33,7 @@ from taskspec_runner.record.block import Block, weights
 Vector = NDArray[np.float64]
 
 #: Where the loop has its functions, its record and its constants.
-_MODULES = (ticks, tick_memory, quadratic, pivots, stage_solver, fixed_step, log_block)
+_MODULES = (ticks, tick_memory, quadratic, pivots, stage_solver, closed_loop, log_block)
 
 
 class NativeLoop:
@@ -93,61 +93,47 @@ class NativeLoop:
             _stage(TickMemory(base), machine.torque, machine.outputs, runner)
             for runner in machine.runners
         ]
-        self._missing = set(range(len(self._stages)))
+        #: Stages some of whose functions have no machine code of their own.
+        self._lacking = set(range(len(self._stages)))
+        #: Stages whose functions have been asked for.
+        self._asked: set[int] = set()
         self._run: Callable[[int, int], int] | None = None
 
     def ready(self, compiling: Compiling) -> None:
-        """Has the code of the current stage, and of all others what there is.
-
-        What is compiled beside is asked for all at once, so that one run leaves all of its code.
+        """Has the code of the loop and of the current stage: its own, or the interpreter.
 
         Args:
-            compiling: what becomes of machine code of the current stage that there is not. For the
-                others nobody waits.
+            compiling: what becomes of machine code that there is not. What is compiled beside is
+                asked for all at once, so that one run leaves the code of all stages.
 
         Raises:
             EngineError: there is no machine code here.
             UnsupportedOperationError: an expression has an operation that machine code lacks.
-            NotReadyError: there is no code yet.
         """
-        waits = compiling is Compiling.WAIT
-        current, missing = self._machine.index, None
+        current = self._machine.index
         if self._run is None:
-            try:
-                engine = kernel_engine(ticks.run, *_MODULES, compiling=compiling)
-            except NotReadyError as error:
-                if compiling is Compiling.NOT_YET:
-                    raise
-                missing = error
-            else:
-                arguments = ctypes.c_void_p, ctypes.c_int64
-                self._run = engine.function("run", ctypes.c_int64, *arguments)
-        for index in sorted(self._missing, key=lambda index: index != current):
-            others = Compiling.NOT_YET if waits and index != current else compiling
-            try:
-                self._stages[index].load(others)
-            except NotReadyError as error:
-                if index == current and compiling is Compiling.NOT_YET:
-                    raise
-                if index == current:
-                    missing = error
-            else:
-                self._missing.discard(index)
-        if missing is not None:
-            raise missing
+            engine = kernel_engine(ticks.run, *_MODULES, compiling=Compiling.WAIT)
+            arguments = ctypes.c_void_p, ctypes.c_int64
+            self._run = engine.function("run", ctypes.c_int64, *arguments)
+        wanted = self._lacking if compiling is Compiling.BESIDE else {current}
+        for index in sorted(wanted, key=lambda index: index != current):
+            if self._stages[index].load(compiling):
+                self._lacking.discard(index)
+        self._stages[current].interpret(programs=False)
+        self._asked.add(current)
 
     def run(self, first: int, most: int, compiling: Compiling) -> int:
         """Up to `most` ticks after the `first` ones; returns how many there have been.
 
         Raises:
-            EngineError, UnsupportedOperationError, NotReadyError: as `ready`.
+            EngineError, UnsupportedOperationError: as `ready`.
         """
         self.look = self.sensed = self.stands = self.made = False
         opening = self._leave(first, compiling) if self.ends else None
         if self.made:
             return 0
-        wanted = self._machine.index in self._missing or compiling is Compiling.BESIDE
-        if self._run is None or (self._missing and wanted and opening is None):
+        beside = self._lacking and compiling is Compiling.BESIDE
+        if self._machine.index not in self._asked or beside:
             self.ready(compiling)
         assert self._run is not None
         c, sensor = self._record(first), self._sensing.sensor
@@ -170,6 +156,11 @@ class NativeLoop:
             self._machine.open(opening)
             self.made = True
             return 0
+        if reason == ticks.ENDS and not c.leaving.code:
+            self._machine.runner.leaving.evaluate()
+        if reason == ticks.SENSED:
+            # It may be for a program, and more such ticks may come.
+            c.interpret(programs=True)
         self.look, self.ends = reason == ticks.LOOK, reason == ticks.ENDS
         self.sensed, self.stands = reason == ticks.SENSED, reason == ticks.WHOLE
         self._take_back(c)
@@ -190,12 +181,12 @@ class NativeLoop:
         if opening is None:
             return None
         try:
-            if machine.index in self._missing:
+            if machine.index not in self._asked:
                 self.ready(compiling)
-        except (NotReadyError, EngineError, UnsupportedOperationError):
+        except (EngineError, UnsupportedOperationError):
             # Whoever asks for its ticks is told.
             self.made = True
-        if opening.rests or self.made:
+        if opening.rests or self.made or not self._stages[machine.index].opens_stage:
             machine.open(opening)
             self.made = True
             return None
@@ -224,6 +215,7 @@ class NativeLoop:
         if sensor is not None:
             c.noise_used, c.sensor_ticks = sensor.used, sensor.ticks
         if runner.solver is not None:
+            c.solves = runner.solver.own is not None and c.solves_programs
             c.clear, c.paring = runner.solver.clear, runner.solver.paring
             c.solved, c.worst = runner.solver.counts.solved, runner.solver.counts.worst
         if self._room:
@@ -282,13 +274,13 @@ def _controller(record: TickMemory, machine: Machine, plant: Plant) -> None:
         last=machine.last,
     )
     assert isinstance(machine.terms, CompiledTerms)
-    record.function("terms", machine.terms.bound)
+    record.terms = Evaluation(machine.terms.bound)
 
 
 def _sensor(record: TickMemory, machine: Machine, sensing: Sensing) -> None:
     sensor, zero = sensing.sensor, machine.sensor
     if zero is not None:
-        record.function("zeroed", zero.function)
+        record.zeroed = Evaluation(zero.function)
         record.take(
             tip_rotation=machine.terms.rotation,
             turned=zero.turned,
@@ -298,7 +290,7 @@ def _sensor(record: TickMemory, machine: Machine, sensing: Sensing) -> None:
             taring_count=zero.count,
         )
     if sensor is not None:
-        record.function("sensor", sensor.function)
+        record.sensor = Evaluation(sensor.function)
         record.take(
             noisy=len(sensor.drawn) > 0,
             noise_drawn=len(sensor.drawn),
@@ -350,7 +342,7 @@ def _plant(record: TickMemory, plant: Plant) -> None:
         arm_velocity=velocity[arm.velocities],
         momentum=np.zeros(model.nv),
     )
-    record.function("forces", arm.forces)
+    record.forces = Evaluation(arm.forces)
     if arm.grip is not None:
         rows = arm.grip.rows
         record.take(
@@ -368,7 +360,7 @@ def _plant(record: TickMemory, plant: Plant) -> None:
             mechanism_rates=views.mechanism_rates,
         )
         if mechanisms.detents is not None:
-            record.function("detents", mechanisms.detents)
+            record.detents = Evaluation(mechanisms.detents)
             record.take(
                 n_detents=len(mechanisms.detent_dofs),
                 detent_dof=mechanisms.detent_dofs,
@@ -380,7 +372,7 @@ def _plant(record: TickMemory, plant: Plant) -> None:
         )
     if plant.moving_bases is not None:
         moving = plant.moving_bases
-        record.function("moving", moving.function)
+        record.moving = Evaluation(moving.function)
         record.take(
             n_moving=len(moving.dofs),
             moving_inertia=INERTIA,
@@ -393,7 +385,7 @@ def _plant(record: TickMemory, plant: Plant) -> None:
         )
     if arm.equations is not None:
         equations = arm.equations
-        record.function("equations", equations.function)
+        record.equations = Evaluation(equations.function)
         record.take(
             cartesian=equations.cartesian,
             body_kind=int(XBODY),
@@ -417,7 +409,7 @@ def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRun
     new_torque, new_outputs = np.zeros_like(torque), np.zeros_like(outputs)
     own_torque, new_memory, own_outputs, *_ = runner.tick.results
     scratch = [(own_torque, new_torque), (own_outputs, new_outputs)]
-    record.function("tick", runner.tick, scratch)
+    record.tick = Evaluation(runner.tick, scratch)
     record.take(
         n_memory=runner.stage.memory.size,
         least_conditioning=runner.least_conditioning,
@@ -428,7 +420,7 @@ def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRun
     )
     tracks = runner.tracks
     for name in ("entry", "leaving", "carrying"):
-        record.function(name, getattr(runner, name))
+        setattr(record, name, Evaluation(getattr(runner, name)))
     record.take(
         n_cubics=len(tracks.places),
         n_known_knots=len(tracks.known),
@@ -443,7 +435,7 @@ def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRun
     record.take(limit_events=limits)
     chooser = runner.chooser
     if chooser is not None:
-        record.function("choice", chooser.look)
+        record.choice = Evaluation(chooser.look)
         m, c = chooser.sizes
         record.take(
             n_constraints=m,
@@ -469,10 +461,10 @@ def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRun
         )
         if solver.last_torque is not None:
             record.take(last_torque=solver.last_torque)
-        record.take(solves=solver.own is not None, asks=solver.nearest is not None)
+        record.take(asks=solver.nearest is not None)
         if solver.own is not None:
-            record.function("assemble", solver.assemble)
-            record.function("accept", solver.accept, scratch)
+            record.assemble = Evaluation(solver.assemble)
+            record.accept = Evaluation(solver.accept, scratch)
             record.take(
                 limits=solver.own.workspace,
                 solver_last=solver.applied,
@@ -482,8 +474,8 @@ def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRun
                 found_cut=solver.found_cut,
             )
             if solver.nearest is not None and solver.nearest.own is not None:
-                record.function("look", solver.nearest.look)
-                record.function("left", solver.nearest.left)
+                record.look = Evaluation(solver.nearest.look)
+                record.left = Evaluation(solver.nearest.left)
                 record.take(
                     nearest=solver.nearest.own.workspace, left_over=solver.nearest.left_over
                 )

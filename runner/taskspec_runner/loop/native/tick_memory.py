@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.native.code import CODE, Compiling, NotReadyError, expression_engine
+from taskspec.native.code import (
+    CODE,
+    Compiling,
+    NotReadyError,
+    expression_engine,
+    interpreter_engine,
+)
+from taskspec.native.interpreter import INTERPRET, interpreted
 from taskspec.native.kernel import Record, Vector, Words
 from taskspec.native.quadratic import Workspace
 from taskspec.program.bound import BoundFunction
@@ -30,59 +37,94 @@ LIBRARY = (
 )
 
 
+class Evaluation(Record):
+    """A function of CasADi on its memory, as machine code or by the interpreter.
+
+    What is called takes the addresses of the addresses of arguments and results, and two that only
+    the interpreter takes: of its instructions and of the work vector.
+    """
+
+    code: int  # the address of what is called, 0 for none
+    arguments: int
+    results: int
+    instructions: int
+    work: int
+
+    def __init__(
+        self, bound: BoundFunction | None = None, instead: Sequence[tuple[Array, Array]] = ()
+    ) -> None:
+        """Takes the function, None for none; `instead` has pairs of its arrays and ours."""
+        super().__init__()
+        self._bound = bound
+        if bound is None:
+            return
+        ours = {id(theirs): array for theirs, array in instead}
+        self._arrays = [
+            [ours.get(id(array), array) for array in arrays]
+            for arrays in (bound.arguments, bound.results)
+        ]
+        self._places = [
+            np.array([array.ctypes.data for array in arrays], dtype=np.int64)
+            for arrays in self._arrays
+        ]
+        self.arguments, self.results = (places.ctypes.data for places in self._places)
+
+    def load(self, compiling: Compiling) -> bool:
+        """Takes the function's own machine code; returns whether there is some."""
+        bound = self._bound
+        if bound is None:
+            return True
+        if bound.code is None:
+            try:
+                engine = expression_engine(bound.function, compiling)
+            except NotReadyError:
+                return False
+            bound.code = engine
+            # Ticks that are left to Python take the same code.
+            bound.evaluate_by(engine.function(CODE, None, *_SIGNATURE, brief=True))
+        # The code lives as long as the bound function.
+        self.code = bound.code.address(CODE)
+        return True
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is code for the function, if there is a function."""
+        return bool(self.code) or self._bound is None
+
+    def interpret(self) -> None:
+        """Has the interpreter evaluate the function, where it has no code."""
+        bound = self._bound
+        if bound is None or self.code:
+            return
+        engine = interpreter_engine()
+        prepared = interpreted(bound.function, engine)
+        self._prepared, self._work = prepared, prepared.work.copy()
+        self.instructions, self.work = prepared.runs.ctypes.data, self._work.ctypes.data
+        self.code = engine.address(INTERPRET)
+        called = engine.function(INTERPRET, None, *_SIGNATURE, brief=True)
+        bound.evaluate_by(called, prepared.runs, self._work)
+
+
 class TickMemory(Record):
     """The memory of one stage of a run. A number that tells whether is 1 or 0."""
 
-    # Functions on memory: each has its address, 0 where a run has none of it, and the addresses of
-    # the addresses of its arguments and results.
-    terms: int
-    terms_arg: int
-    terms_res: int
-    zeroed: int
-    zeroed_arg: int
-    zeroed_res: int
-    tick: int
-    tick_arg: int
-    tick_res: int
-    sensor: int
-    sensor_arg: int
-    sensor_res: int
-    forces: int
-    forces_arg: int
-    forces_res: int
-    moving: int
-    moving_arg: int
-    moving_res: int
-    equations: int
-    equations_arg: int
-    equations_res: int
-    assemble: int
-    assemble_arg: int
-    assemble_res: int
-    accept: int
-    accept_arg: int
-    accept_res: int
-    look: int
-    look_arg: int
-    look_res: int
-    left: int
-    left_arg: int
-    left_res: int
-    detents: int
-    detents_arg: int
-    detents_res: int
-    choice: int
-    choice_arg: int
-    choice_res: int
-    entry: int
-    entry_arg: int
-    entry_res: int
-    leaving: int
-    leaving_arg: int
-    leaving_res: int
-    carrying: int
-    carrying_arg: int
-    carrying_res: int
+    # functions on memory; those that a run has none of have no code
+    terms: Evaluation
+    zeroed: Evaluation
+    tick: Evaluation
+    sensor: Evaluation
+    forces: Evaluation
+    moving: Evaluation
+    equations: Evaluation
+    assemble: Evaluation
+    accept: Evaluation
+    look: Evaluation
+    left: Evaluation
+    detents: Evaluation
+    choice: Evaluation
+    entry: Evaluation
+    leaving: Evaluation
+    carrying: Evaluation
 
     # functions of libraries, by their addresses
     mj_step: int
@@ -291,54 +333,61 @@ class TickMemory(Record):
     def __init__(self, base: TickMemory | None = None) -> None:
         """An empty one, or one that begins as `base` is now."""
         super().__init__()
-        self._functions: dict[str, BoundFunction] = {}
         if base is not None:
             self._memory = type(base._memory).from_buffer_copy(base._memory)
             self._held = dict(base._held)
-            self._functions = dict(base._functions)
+            return
+        for name in _EVALUATIONS:
+            setattr(self, name, Evaluation())
 
     def take(self, **values: Any) -> None:
         """Sets fields: numbers, and vectors to contiguous arrays, which it keeps."""
         for name, value in values.items():
             setattr(self, name, value)
 
-    def function(
-        self, name: str, bound: BoundFunction, instead: Sequence[tuple[Array, Array]] = ()
-    ) -> None:
-        """Sets a function on its memory; `instead` has pairs of its arrays and ours."""
-        ours = {id(theirs): array for theirs, array in instead}
-        for part, theirs in (("_arg", bound.arguments), ("_res", bound.results)):
-            arrays = [ours.get(id(array), array) for array in theirs]
-            places = np.array([array.ctypes.data for array in arrays], dtype=np.int64)
-            self._held[name + part] = places, arrays
-            setattr(self, name + part, places.ctypes.data)
-        self._functions[name] = bound
-
-    def load(self, compiling: Compiling) -> None:
-        """Sets the addresses of the code of all functions, of which none is left unasked for.
+    def load(self, compiling: Compiling) -> bool:
+        """Has functions take their machine code; returns whether all have some.
 
         Args:
-            compiling: what becomes of code that there is not.
+            compiling: what becomes of code that there is not. Where that is compiled, none is left
+                unasked for; else it is asked for what each tick evaluates.
 
         Raises:
             EngineError: there is no machine code here.
             UnsupportedOperationError: a function has an operation that machine code lacks.
-            NotReadyError: there is no code of some of them yet.
         """
-        missing: NotReadyError | None = None
-        for name, bound in self._functions.items():
-            if bound.code is None:
-                try:
-                    engine = expression_engine(bound.function, compiling)
-                except NotReadyError as error:
-                    missing = error
-                    if compiling is Compiling.NOT_YET:
-                        break
-                    continue
-                bound.code = engine
-                # Ticks that are left to Python take the same code.
-                bound.evaluate_by(engine.function(CODE, None, *_SIGNATURE, brief=True))
-            # The code lives as long as the bound function, which is held here.
-            setattr(self, name, bound.code.address(CODE))
-        if missing is not None:
-            raise missing
+        compiled = compiling in (Compiling.WAIT, Compiling.BESIDE)
+        asked = self._evaluations(_EVALUATIONS if compiled else _OF_TICKS)
+        return all([evaluation.load(compiling) for evaluation in asked]) and compiled
+
+    def interpret(self, *, programs: bool) -> None:
+        """Has the interpreter evaluate what each tick evaluates and has no code.
+
+        Args:
+            programs: whether also that of programs, which many runs never solve.
+
+        Raises:
+            EngineError, UnsupportedOperationError: as `load`.
+        """
+        for evaluation in self._evaluations(_OF_PROGRAMS if programs else _OF_TICKS):
+            evaluation.interpret()
+
+    @property
+    def solves_programs(self) -> bool:
+        """Whether there is code for all that programs need."""
+        return all(evaluation.ready for evaluation in self._evaluations(_OF_PROGRAMS))
+
+    @property
+    def opens_stage(self) -> bool:
+        """Whether there is code for all that the stage's begin needs."""
+        return all(evaluation.ready for evaluation in self._evaluations(_OF_OPENING))
+
+    def _evaluations(self, names: Iterable[str]) -> Iterator[Evaluation]:
+        return (getattr(self, name) for name in names)
+
+
+_EVALUATIONS = [name for name, kind in TickMemory.records.items() if kind is Evaluation]
+_OF_PROGRAMS = ("assemble", "accept", "look", "left")
+#: Each is evaluated once in a stage, so that to prepare it for the interpreter never pays.
+_OF_OPENING = ("choice", "entry", "carrying")
+_OF_TICKS = sorted(set(_EVALUATIONS) - {*_OF_PROGRAMS, *_OF_OPENING, "leaving"})

@@ -16,8 +16,8 @@ from taskspec.native.kernel import Vector, Words, call
 from taskspec.native.quadratic import SOLVED, solve
 from taskspec.program.execution.pivots import select
 from taskspec.program.execution.stage_solver import EXACT, WORST_RESIDUAL
-from taskspec_runner.loop.fixed_step import HEALTHY
-from taskspec_runner.loop.native.tick_memory import TickMemory
+from taskspec_runner.loop.closed_loop import HEALTHY
+from taskspec_runner.loop.native.tick_memory import Evaluation, TickMemory
 from taskspec_runner.record.block import checksum
 
 #: Why `run` has returned: all ticks are done; the next tick is Python's, from its beginning; the
@@ -65,7 +65,7 @@ def _sense(c: TickMemory) -> None:
     _copy(c.true_q, c.q, c.n)
     _copy(c.true_v, c.v, c.n)
     _copy(c.true_reactions, c.reactions, c.n_reactions)
-    if not c.sensor:
+    if c.sensor.code == 0:
         _copy(c.true_wrench, c.wrench, 6)
         return
     if c.noisy:
@@ -73,23 +73,23 @@ def _sense(c: TickMemory) -> None:
         c.noise_used += 1
     c.samples[0] = 1.0 if c.sensor_ticks % c.hold_ticks == 0 else 0.0
     c.sensor_ticks += 1
-    call(c.sensor, c.sensor_arg, c.sensor_res, 0, 0, 0)
+    _evaluate(c.sensor)
     _copy(c.sensor_kept, c.sensor_memory, c.n_sensor)
 
 
 def _tick(c: TickMemory) -> bool:
     """Evaluates the law into memory of its own; whether the tick may be done here."""
     now, out = c.now, c.new_outputs
-    call(c.terms, c.terms_arg, c.terms_res, 0, 0, 0)
-    if c.zeroed:
+    _evaluate(c.terms)
+    if c.zeroed.code != 0:
         _copy(c.tip_rotation, c.turned, 9)
-        call(c.zeroed, c.zeroed_arg, c.zeroed_res, 0, 0, 0)
+        _evaluate(c.zeroed)
         _copy(c.zeroed_wrench, c.wrench, 6)
     now[0] = float(c.stage_ticks) * c.period
     now[1] = float(c.ticks) * c.period
     if c.has_last_torque:
         _copy(c.torque, c.last_torque, c.n)
-    call(c.tick, c.tick_arg, c.tick_res, 0, 0, 0)
+    _evaluate(c.tick)
     if not out[c.i_health] < HEALTHY:
         return False
     limits = c.limit_events
@@ -105,7 +105,8 @@ def _end(c: TickMemory) -> None:
     _copy(c.new_torque, c.torque, c.n)
     _copy(c.new_torque, c.last, c.n)
     _copy(c.new_outputs, c.outputs, c.n_outputs)
-    call(c.leaving, c.leaving_arg, c.leaving_res, 0, 0, 0)
+    if c.leaving.code != 0:
+        _evaluate(c.leaving)
     if c.estimates:
         _add_up(c)
 
@@ -131,10 +132,10 @@ def _opened(c: TickMemory) -> bool:
     now[0] = 0.0
     now[1] = float(c.ticks) * c.period
     _copy(c.torque_before, c.torque, c.n)
-    call(c.entry, c.entry_arg, c.entry_res, 0, 0, 0)
+    _evaluate(c.entry)
     c.next_knot = _first_knot(c)
-    if c.choice:
-        call(c.choice, c.choice_arg, c.choice_res, 0, 0, 0)
+    if c.choice.code != 0:
+        _evaluate(c.choice)
         select(
             c.gradient,
             c.selection,
@@ -145,14 +146,14 @@ def _opened(c: TickMemory) -> bool:
             c.n_coordinates,
         )
     if c.asks or c.carries:
-        call(c.tick, c.tick_arg, c.tick_res, 0, 0, 0)
+        _evaluate(c.tick)
     if c.asks:
         if not _settled(c):
             return False
         if c.paring:
-            call(c.tick, c.tick_arg, c.tick_res, 0, 0, 0)
+            _evaluate(c.tick)
     if c.carries:
-        call(c.carrying, c.carrying_arg, c.carrying_res, 0, 0, 0)
+        _evaluate(c.carrying)
     return True
 
 
@@ -205,11 +206,11 @@ def _limits_kept(c: TickMemory) -> bool:
         return True
     if c.solves == 0 or not math.isfinite(out[c.i_violation]):
         return False
-    call(c.assemble, c.assemble_arg, c.assemble_res, 0, 0, 0)
+    _evaluate(c.assemble)
     if solve(c.limits) != SOLVED:
         return False
     _copy(c.torque, c.solver_last, c.n)
-    call(c.accept, c.accept_arg, c.accept_res, 0, 0, 0)
+    _evaluate(c.accept)
     residual, binding, found, clamped = c.residual, c.binding, c.found_cut, c.clamped_cut
     if not residual[0] <= WORST_RESIDUAL:
         return False
@@ -244,10 +245,10 @@ def _settled(c: TickMemory) -> bool:
         return True
     if c.solves == 0:
         return False
-    call(c.look, c.look_arg, c.look_res, 0, 0, 0)
+    _evaluate(c.look)
     if solve(c.nearest) != SOLVED:
         return False
-    call(c.left, c.left_arg, c.left_res, 0, 0, 0)
+    _evaluate(c.left)
     _copy(c.left_over, c.unreachable, c.n_requests)
     c.paring = 1
     return True
@@ -292,16 +293,16 @@ def _step(c: TickMemory) -> None:
     if c.grip_rows:
         words = c.data_words
         call(c.memcpy, c.grip_rows, words[c.at_efc_force] + c.grip_first, c.grip_bytes)
-    call(c.forces, c.forces_arg, c.forces_res, 0, 0, 0)
+    _evaluate(c.forces)
 
 
 def _drive(c: TickMemory) -> None:
     """Puts what moves by itself where it is at the simulator's clock."""
-    if not c.moving:
+    if c.moving.code == 0:
         return
     clock, time = c.moving_clock, c.time
     clock[0] = time[0]
-    call(c.moving, c.moving_arg, c.moving_res, 0, 0, 0)
+    _evaluate(c.moving)
     at, dof, applied, bend = c.moving_at, c.moving_dof, c.applied, c.moving_bend
     place, rate, qpos, qvel = c.moving_place, c.moving_rate, c.qpos, c.qvel
     for i in range(c.n_moving):
@@ -312,12 +313,12 @@ def _drive(c: TickMemory) -> None:
 
 def _apply(c: TickMemory) -> None:
     """Adds the forces that depend on the pose of this instant."""
-    if c.equations:
+    if c.equations.code != 0:
         clock, time = c.equations_clock, c.time
         clock[0] = time[0]
         if c.cartesian:
             call(c.mj_objectVelocity, c.model, c.data, c.body_kind, c.tip_body, c.tip_twist, 0)
-        call(c.equations, c.equations_arg, c.equations_res, 0, 0, 0)
+        _evaluate(c.equations)
         if c.cartesian:
             call(
                 c.mj_applyFT,
@@ -332,8 +333,8 @@ def _apply(c: TickMemory) -> None:
         joints, extra = c.applied_joints, c.on_joints
         for i in range(c.n):
             joints[i] += extra[i]
-    if c.detents:
-        call(c.detents, c.detents_arg, c.detents_res, 0, 0, 0)
+    if c.detents.code != 0:
+        _evaluate(c.detents)
         applied, where, forces = c.applied, c.detent_dof, c.detent_forces
         for i in range(c.n_detents):
             applied[where[i]] += forces[i]
@@ -374,6 +375,10 @@ def _alarming(c: TickMemory) -> bool:
     for i in range(c.n_applied):
         twice += velocity[i] * momentum[i]
     return not 0.5 * twice < c.energy_bound or not math.isfinite(twice)
+
+
+def _evaluate(f: Evaluation) -> None:
+    call(f.code, f.arguments, f.results, f.instructions, f.work, 0)
 
 
 def _copy(source: Vector, target: Vector, n: int) -> None:

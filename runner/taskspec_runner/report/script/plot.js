@@ -119,7 +119,7 @@ class Plot {
     }).join("");
   }
 
-  /** Expected bands, limits, and what was predicted. */
+  /** Expected bands, limits, and values at rest. */
   bounds() {
     let drawn = "";
     for (const b of this.bands) {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from taskspec.program.worlds import component_dimension
 from taskspec.spec import Task
@@ -14,20 +14,16 @@ from taskspec_runner.report.highlight import highlighted
 from taskspec_runner.report.template import part, script, template
 from taskspec_runner.sweep.page.columns import PEAKS, WorldColumn, columns, world_data
 from taskspec_runner.sweep.page.commands import command_stem, kept_reports
+from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.statistics import Influence, parameters
 from taskspec_runner.sweep.summary import (
     MET,
     MISSED,
     interval_text,
-    predicted_text,
-    predicted_wrong,
     rate_text,
     worst_world,
 )
 from taskspec_runner.sweep.world_run import Row
-
-if TYPE_CHECKING:
-    from taskspec_runner.sweep.session import SweepResult
 
 Json = Mapping[str, Any]
 
@@ -65,7 +61,6 @@ def render(result: SweepResult, said: Json) -> str:
         regions=[_region(each, found) for each in summary["regions"]],
         failed=summary["success"]["of"] - summary["success"]["good"],
         worst=None if worst is None else _worst(worst, task),
-        predicted=_predicted(summary.get("predicted")),
         scatters=scatters[:_DRAWN],
         more=scatters[_DRAWN:],
         map={"key": "map", "title": "Share of worlds that succeed", "unit": "%", "note": ""},
@@ -175,13 +170,6 @@ def _worst(row: Row, task: Task) -> Json:
         "margin": number(100 * row["margin"], 3),
         "text": ", ".join(values),
     }
-
-
-def _predicted(told: Json | None) -> Json | None:
-    """What `validate` says of some worlds, and those of which it says something else than came."""
-    if not told:
-        return None
-    return {"text": predicted_text(told), "wrong": predicted_wrong(told)}
 
 
 def _data(result: SweepResult, said: Json, found: Sequence[WorldColumn]) -> Json:

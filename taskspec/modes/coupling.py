@@ -1,0 +1,25 @@
+"""How a mechanism couples an axis to the others of its stage."""
+
+from __future__ import annotations
+
+from taskspec.deferred_methods import dataclass
+from taskspec.geometry.axis import Axis
+
+
+class UncoupledError(ValueError):
+    """Why a mechanism's geometry asks for no motion of an axis; `hint` says what to do."""
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """How one axis follows: `ratio` times the reference of `leader`, else times the angle.
+
+    The ratio is in m/rad or rad/rad; it is 0 where the frame itself turns with the handle.
+    """
+
+    ratio: float
+    leader: Axis | None
