@@ -1,6 +1,8 @@
-"""Holds the loop in machine code against Python's: shipped and random tasks, every byte of the log.
+"""Holds both tiers of the native loop against Python's: shipped and random tasks, every byte.
 
-python campaigns/native.py [--tasks 200]
+The tiers are machine code of a task's own and the interpreter.
+
+python campaigns/native.py [--tasks 200] [SHIPPED ...]
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from taskspec.spec import load_task
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.loop import fixed_step
 from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.fixed_step import INTERPRETED, NATIVE, PYTHON
 from taskspec_runner.record.log import Log
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -44,15 +47,17 @@ def ran(program: Program, path: Path, loop: str) -> tuple[str, int, str]:
 
 
 def main() -> int:
-    """Runs every task by both loops; the exit code is 1 if any differ."""
+    """Runs every task by all loops; the exit code is 1 if any differ."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tasks", type=int, default=200, help="random ones")
-    random = parser.parse_args().tasks
+    parser.add_argument("shipped", nargs="*", help="names of shipped ones; all if left out")
+    given = parser.parse_args()
     different = refused = ticks = 0
     with TemporaryDirectory() as folder:
         files = [
-            *sorted((ROOT / "tasks").glob("*.yaml")),
-            *write_tasks(Path(folder), range(random)),
+            *(ROOT / "tasks" / f"{name}.yaml" for name in given.shipped),
+            *([] if given.shipped else sorted((ROOT / "tasks").glob("*.yaml"))),
+            *write_tasks(Path(folder), range(given.tasks)),
         ]
         for file in files:
             try:
@@ -61,11 +66,11 @@ def main() -> int:
                 refused += 1
                 continue
             log = Path(folder) / "log.arrow"
-            native, python = (ran(program, log, loop) for loop in ("native", "python"))
-            ticks += python[1]
-            if native != python:
+            by = {loop: ran(program, log, loop) for loop in (INTERPRETED, NATIVE, PYTHON)}
+            ticks += by[PYTHON][1]
+            if len(set(by.values())) > 1:
                 different += 1
-                sys.stdout.write(f"{file.stem}: native {native}, python {python}\n")
+                sys.stdout.write(f"{file.stem}: {by}\n")
     sys.stdout.write(
         f"{len(files) - refused} tasks, {ticks} ticks, {refused} refused, {different} differ\n"
     )

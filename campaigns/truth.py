@@ -44,7 +44,7 @@ PACKAGES = ("taskspec", "runner/taskspec_runner")
 LOST = 300.0
 #: What is promised: of bad runs announced, of good runs with a warning, of refusals that are right,
 #: of files without a finding that end well.
-ANNOUNCED, WARNED, RIGHT, SILENT = 0.95, 0.10, 0.98, 0.99
+ANNOUNCED, WARNED, RIGHT, SILENT = 0.995, 0.04, 0.98, 0.99
 Row = Mapping[str, Any]
 _KEPT = """\
 # How files of `make truth` end, and what is said of them, by generator, seed and number. After a
@@ -90,6 +90,11 @@ class Judged:
         return tuple(sorted(set(found)))
 
     @property
+    def alarms(self) -> tuple[str, ...]:
+        """Codes of errors and warnings about the simulated run, not about another world."""
+        return tuple(code for code in self.codes if self.announces.get(code, ("*",)))
+
+    @property
     def severity(self) -> str:
         """Of the gravest finding; `silent` without one."""
         kinds = {each["severity"] for each in self.row["said"]}
@@ -102,7 +107,9 @@ class Judged:
 
     @property
     def announced(self) -> tuple[str, ...]:
-        """Codes that announce how the run ended."""
+        """Codes that announce how the run ended: of a refused file all errors, as it is not run."""
+        if self.row["forced"]:
+            return tuple(e["code"] for e in self.row["said"] if e["severity"] == "error")
         end = self.row["grew"] if self.row["end"] == WELL else self.row["end"]
         end = "oscillation" if end == "grows" else end
         return tuple(
@@ -122,7 +129,7 @@ class Judged:
             return "" if self.announced else "missed" if self.codes else "silent"
         if self.row["forced"]:
             return "" if self.row["near"] else "false refusal"
-        return "warned" if self.codes else ""
+        return "warned" if self.alarms else ""
 
 
 @dataclass(frozen=True)
@@ -156,7 +163,7 @@ def shares(rows: Sequence[Judged]) -> list[Share]:
         Share("bad runs with any error or warning", loosely, len(bad), ANNOUNCED),
         Share(
             "good runs with an error or warning",
-            sum(bool(r.codes) for r in good),
+            sum(bool(r.alarms) for r in good),
             len(good),
             WARNED,
             most=True,

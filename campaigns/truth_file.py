@@ -112,18 +112,18 @@ def row_of(generator: str, seed: int, number: int) -> dict[str, Any]:
 
 def _fill(row: Row, text: str, key: Key) -> None:
     from taskspec.compiler import admit
-    from taskspec.examination import examine
     from taskspec.program.program import refusals
     from taskspec.spec import load_text
     from taskspec.text.diagnostic import SpecError
     from taskspec_runner.session import execute_program
+    from taskspec_runner.trial.check import check
 
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         GENERATORS[key[0]].write_companions(folder)
         began = time.process_time()
         try:
-            examined = examine(load_text(text, "task.yaml", base=folder))
+            examined = check(load_text(text, "task.yaml", base=folder))
         except SpecError as error:
             row.looked = time.process_time() - began
             row.said = said(text, error.diagnostics)

@@ -41,8 +41,8 @@ def run(
         report: whether to render `report.html`.
         telemetry: where to send signals while it runs, such as `udp://127.0.0.1:9870`.
         force: whether to run it in spite of errors behind which it still compiles.
-        loop: what runs its ticks; the numbers are the same. None for machine code as soon as there
-            is some, and Python until then.
+        loop: what runs its ticks; the numbers are the same. None for machine code where there can
+            be some: the interpreter in a short run, code of the task's own in a long one.
         robot: to run it on instead of in simulation: an address such as `udp://127.0.0.1:39017`, or
             a `taskspec_runner.link.robot.TorqueRobot`. What is judged then is what was measured;
             `seed` and `world` are not used.

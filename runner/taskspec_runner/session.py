@@ -134,7 +134,7 @@ def execute_program(
         report: whether to render `report.html`.
         telemetry: gets the signals as the run goes on.
         loop: `native` or `python`, which give the same; None for what `TASKSPEC_LOOP` names, else
-            for machine code as soon as there is some, and Python until then.
+            for machine code where there can be some.
         link: the robot that it runs on, or what serves its plant, for which Python runs all ticks;
             None for a plant in this process.
 
@@ -232,7 +232,7 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
         why_python=outcome.why_python or None,
     )
     run = RunResult.written(folder, program, content, summary, history)
-    if manner.report:  # It needs jinja2, which a run does not.
+    if manner.report:  # It needs what a run does not.
         from taskspec_runner.report import write_report
 
         write_report(run)

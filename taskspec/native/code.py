@@ -163,10 +163,10 @@ def expression_engine(function: ca.Function, compiling: Compiling) -> Engine:
         raise NotReadyError
 
     def text() -> bytes:
-        sizes = [(function.nnz_in(k) for k in range(function.n_in()))]
-        sizes += [(function.nnz_out(k) for k in range(function.n_out()))]
-        written = f"{ca.CasadiMeta.version()} {[list(each) for each in sizes]} "
-        return kernel_source() + written.encode() + instructions(function).tobytes()
+        inputs = [function.nnz_in(k) for k in range(function.n_in())]
+        outputs = [function.nnz_out(k) for k in range(function.n_out())]
+        written: bytes = instructions(function).tobytes()
+        return _package() + f"{ca.CasadiMeta.version()} {inputs} {outputs} ".encode() + written
 
     # A function's hash is where it lies.
     source = _Source(
@@ -183,9 +183,9 @@ def interpreter_engine() -> Engine:
     """
 
     def text() -> bytes:
-        return kernel_source(interpreter) + ca.CasadiMeta.version().encode()
+        return kernel_source(interpreter) + f"{ca.CasadiMeta.version()}".encode()
 
-    source = _Source(INTERPRET, None, text, interpreter_ir, level=2)
+    source = _Source(INTERPRET, None, text, interpreter_ir, level=1)
     return _ENGINES.of(source, Compiling.WAIT)
 
 
@@ -207,6 +207,12 @@ def kernel_engine(
         function, None, lambda: kernel_source(*modules), lambda: kernel_ir(function), level=2
     )
     return _ENGINES.of(source, compiling)
+
+
+@cache
+def _package() -> bytes:
+    """Stands for the text of this package, by which the code of all functions goes."""
+    return hashlib.sha256(kernel_source()).digest()
 
 
 @cache

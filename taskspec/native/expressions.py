@@ -74,21 +74,27 @@ class Lines:
         return f"%v{len(self.lines) - 1}"
 
     def two(self, operation: str, x: str, y: str) -> str:
+        """An operation of LLVM, such as fadd, of two numbers."""
         return self.new(f"{operation} double {x}, {y}")
 
     def negative(self, x: str) -> str:
+        """The number with the other sign."""
         return self.new(f"fneg double {x}")
 
     def bit(self, condition: str, x: str, y: str) -> str:
+        """Whether LLVM's condition, such as olt, holds for two numbers."""
         return self.new(f"fcmp {condition} double {x}, {y}")
 
     def both(self, operation: str, a: str, b: str) -> str:
+        """An operation of LLVM, such as and, of two bits."""
         return self.new(f"{operation} i1 {a}, {b}")
 
     def one_or_zero(self, bit: str) -> str:
+        """A bit as a number."""
         return self.new(f"uitofp i1 {bit} to double")
 
     def choice(self, bit: str, x: str, y: str) -> str:
+        """The number x where the bit is set, else y."""
         return self.new(f"select i1 {bit}, double {x}, double {y}")
 
     def signs(self, operation: str, x: str, y: str) -> str:
@@ -120,9 +126,9 @@ class _Text(Lines):
         inputs = [f.nnz_in(k) for k in range(f.n_in())]
         outputs = [f.nnz_out(k) for k in range(f.n_out())]
         rows = instructions(f)
-        constants = rows[:, 2:].copy().view(np.float64).ravel().tolist()
-        for row, constant in zip(rows.tolist(), constants, strict=True):
-            self._instruction(*row, constant)
+        numbers = rows[:, 2:].copy().view(np.float64).ravel().tolist()
+        for (operation, a, b, c), constant in zip(rows.tolist(), numbers, strict=True):
+            self._instruction(operation, a, b, c, constant)
         head = [
             f'define i32 @"{self._name}"'
             "(ptr %arg, ptr %res, ptr %iw, ptr %w, i32 %mem) nounwind {",
@@ -183,6 +189,7 @@ def _pointers(name: str, sizes: list[int], otherwise: str) -> list[str]:
 
 
 def declaration(called: str) -> str:
+    """The line that a text needs to call a function of libm or one of LLVM's own."""
     if called == "llvm.copysign.f64":
         return f"declare double @{called}(double, double)"
     return (

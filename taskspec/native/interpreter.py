@@ -1,13 +1,15 @@
 """An interpreter of CasADi's instructions in machine code: made once, and there for every function.
 
-Each operation is a piece of code that computes one number and jumps to the operation of the next
-instruction, whose address stands there (threaded code). Its lines are those that `expression_ir`
-has for it, so that both give the bits of CasADi's virtual machine.
+Each operation is a piece of code that goes through a run of instructions, computes one number by
+each, and jumps to the operation of the next run, whose address stands there (threaded code). Its
+lines are those that `expression_ir` has for it, so that both give the bits of CasADi's virtual
+machine.
 
-A function is prepared for it once: each value gets a place of its own in the work vector, so that a
-result lies behind the one before, constants lie there from the beginning, and instructions whose
-operands are there are in an order in which few differ from the one before. A processor that has
-guessed another operation than comes loses more time than an addition takes.
+A function is prepared for it once. Each value gets a place of its own in the work vector, so that a
+result lies behind the one before, and constants lie there from the beginning. Instructions are in
+the order of how deep their operands are computed, and among those of one depth by operation, so
+that runs are long: a processor that has guessed another operation than comes loses more time than
+an addition takes.
 """
 
 from __future__ import annotations
@@ -36,20 +38,20 @@ INTERPRET = "interpret"
 Numbers = NDArray[np.int64]
 
 _END = "operation.end"
-#: Where the next instruction is and where its result goes, the work vector, arguments and results.
-_STATE = "ptr %at, ptr %to, ptr %w, ptr %arg, ptr %res"
+#: Where the run is and where its first result goes, the work vector, arguments and results.
+_STATE = "ptr %run, ptr %begin, ptr %w, ptr %arg, ptr %res"
 
 
 def interpreter_ir() -> str:
     """LLVM IR of the interpreter.
 
     `int interpret(const double **arg, double **res, long long *iw, double *w, int mem)` returns 0.
-    It takes instructions in `iw` and work vector in `w` as `Interpreted` has them, and uses no
+    It takes the runs in `iw` and the work vector in `w` as `Interpreted` has them, and uses no
     `mem`. An argument of NULL is zeros, a result of NULL is left out. Everything is read before
     anything is written.
 
-    An instruction is 16 bytes: the address of its operation, and two numbers of 32 bits. One that
-    writes a result is twice as long.
+    A run is words of 64 bits: the address of the operation, how many instructions there are, and
+    these. An instruction is a word with two numbers of 32 bits, of a result two words.
     """
     operations, called = [], set()
     for operation in filter(has_bits_of_casadi, OPERATIONS):
@@ -68,7 +70,7 @@ def interpreter_ir() -> str:
             "}",
             *operations,
             _operation(_name(ca.OP_INPUT), _reading()),
-            _operation(_name(ca.OP_OUTPUT), _writing(), length=32, results=0),
+            _operation(_name(ca.OP_OUTPUT), _writing(), words=2, results=0),
             f'define void @"{_END}"({_STATE}) nounwind {{',
             "ret void",
             "}",
@@ -82,16 +84,27 @@ def _name(operation: int) -> str:
     return f"operation.{operation}"
 
 
-def _operation(name: str, lines: Lines, *, length: int = 16, results: int = 1) -> str:
-    """The code of an operation: its lines, and the jump to the next one."""
-    after = lines.new(f"getelementptr i8, ptr %at, i64 {length}")
-    to = lines.new(f"getelementptr double, ptr %to, i64 {results}")
-    code = lines.new(f"load ptr, ptr {after}")
+def _operation(name: str, lines: Lines, *, words: int = 1, results: int = 1) -> str:
+    """The code of an operation: its lines for each instruction, and the jump to the next run."""
     return "\n".join(
         [
             f'define void @"{name}"({_STATE}) nounwind {{',
+            "%number = getelementptr i64, ptr %run, i64 1",
+            "%count = load i64, ptr %number",
+            "%first = getelementptr i64, ptr %run, i64 2",
+            f"%end = getelementptr [{words} x i64], ptr %first, i64 %count",
+            "br label %each",
+            "each:",
+            "%at = phi ptr [ %first, %0 ], [ %next, %each ]",
+            "%to = phi ptr [ %begin, %0 ], [ %further, %each ]",
             *lines.lines,
-            f"musttail call void {code}(ptr {after}, ptr {to}, ptr %w, ptr %arg, ptr %res)",
+            f"%next = getelementptr i64, ptr %at, i64 {words}",
+            f"%further = getelementptr double, ptr %to, i64 {results}",
+            "%done = icmp eq ptr %next, %end",
+            "br i1 %done, label %jump, label %each",
+            "jump:",
+            "%code = load ptr, ptr %end",
+            "musttail call void %code(ptr %end, ptr %further, ptr %w, ptr %arg, ptr %res)",
             "ret void",
             "}",
         ]
@@ -100,7 +113,7 @@ def _operation(name: str, lines: Lines, *, length: int = 16, results: int = 1) -
 
 def _number(lines: Lines, k: int) -> str:
     """The k-th number of the instruction."""
-    place = lines.new(f"getelementptr i8, ptr %at, i64 {8 + 4 * k}")
+    place = lines.new(f"getelementptr i32, ptr %at, i64 {k}")
     return lines.new(f"zext i32 {lines.new(f'load i32, ptr {place}')} to i64")
 
 
@@ -128,11 +141,7 @@ def _reading() -> Lines:
 
 
 def _writing() -> Lines:
-    """A number of the work vector into a result; where that is left out, behind all that is used.
-
-    Its third and fourth number stand where the next instruction has its address, so that there are
-    two more that nobody reads.
-    """
+    """A number of the work vector into a result; behind all that is used where that is left out."""
     lines = Lines()
     value = _operand(lines, 0)
     lines.lines.append(f"store double {value}, ptr {_place(lines, '%res', 1, '%to')}")
@@ -144,13 +153,13 @@ class Interpreted:
     """A function as the interpreter takes it.
 
     Attributes:
-        engine: of the interpreter; the instructions have addresses in it.
-        instructions: (m, 2) with two numbers of 32 bits in the second column.
+        engine: of the interpreter; the runs have addresses in it.
+        runs: (m,) one after the other, and the address of the end.
         work: (k,) what the work vector begins as. Each who evaluates the function needs a copy.
     """
 
     engine: Engine
-    instructions: Numbers
+    runs: Numbers
     work: NDArray[np.float64]
 
 
@@ -194,15 +203,39 @@ def _prepared(function: ca.Function, engine: Engine) -> Interpreted:
     place[inputs], place[computed] = np.arange(first), np.arange(first, spare)
     place[constants] = np.arange(spare + 1, len(work))
 
-    cells = np.zeros((spare + 2 * len(results) + 1, 2), dtype=np.int64)
-    cells[:first, 0], cells[:first, 1] = codes[ca.OP_INPUT], _pair(*rows[inputs, 2:].T)
-    cells[first:spare, 0] = codes[kind[computed]]
-    cells[first:spare, 1] = _pair(*place[operands])
-    writing = cells[spare:-1].reshape(-1, 4)
-    writing[:, 0], writing[:, 2] = codes[ca.OP_OUTPUT], rows[results, 3]
-    writing[:, 1] = _pair(place[_writers(rows, results, 2)], rows[results, 1])
-    cells[-1, 0] = engine.address(_END)
-    return Interpreted(engine, cells, work)
+    source = place[_writers(rows, results, 2)]
+    numbers = np.concatenate(
+        [
+            np.pad(rows[inputs, 2:], [(0, 0), (0, 1)]),
+            np.pad(place[operands].T, [(0, 0), (0, 1)]),
+            np.stack([source, *rows[results][:, [1, 3]].T], axis=1),
+        ]
+    )
+    order = np.concatenate([inputs, computed, results])
+    return Interpreted(engine, _runs(kind[order], numbers, codes, engine.address(_END)), work)
+
+
+def _runs(kinds: Instructions, numbers: Numbers, codes: Numbers, end: int) -> Numbers:
+    """Instructions as the interpreter takes them.
+
+    Args:
+        kinds: (n,) the operation of each, in their order.
+        numbers: (n, 3) two for the first word of each, one for the second word of a result.
+        codes: the addresses of operations.
+        end: the address of what comes last.
+    """
+    words = np.where(kinds == ca.OP_OUTPUT, 2, 1)
+    begins = np.flatnonzero(np.diff(kinds, prepend=-1))
+    heads = np.zeros(len(kinds), dtype=np.int64)
+    heads[begins] = 2
+    places = np.cumsum(heads + words) - words
+    runs = np.zeros(heads.sum() + words.sum() + 1, dtype=np.int64)
+    runs[places[begins] - 2] = codes[kinds[begins]]
+    runs[places[begins] - 1] = np.diff(begins, append=len(kinds))
+    runs[places] = numbers[:, 0] | numbers[:, 1] << 32
+    runs[places[words == 2] + 1] = numbers[words == 2, 2]
+    runs[-1] = end
+    return runs
 
 
 def _codes(engine: Engine) -> Numbers:
@@ -228,25 +261,18 @@ def _writers(rows: Instructions, readers: Numbers, column: int) -> Numbers:
     # By places, in the order in which they are written.
     written = np.sort(rows[writers, 1].astype(np.int64) * count + writers)
     read = rows[readers, column].astype(np.int64) * count + readers
-    return written[np.searchsorted(written, read) - 1] % max(count, 1)
+    found: Numbers = written[np.searchsorted(written, read) - 1] % max(count, 1)
+    return found
 
 
-def _depths(count: int, computed: Numbers, operands: Numbers) -> list[int]:
+def _depths(count: int, computed: Numbers, operands: Numbers) -> Numbers:
     """How many instructions follow on each other, at most, up to each of those that compute."""
     depths = [0] * count
     for k, a, b in zip(computed.tolist(), *operands.tolist(), strict=True):
         x, y = depths[a], depths[b]
         depths[k] = 1 + (x if x > y else y)
-    return [depths[k] for k in computed.tolist()]
-
-
-def _pair(low: Numbers, high: Numbers) -> Numbers:
-    """Two numbers of 32 bits as one of 64."""
-    whole: Numbers = low.astype(np.int64) | high.astype(np.int64) << 32
-    return whole
+    return np.array(depths, dtype=np.int64)[computed]
 
 
 _OPERATIONS_OF_CASADI = 1 + max(getattr(ca, name) for name in dir(ca) if name.startswith("OP_"))
-_HAS_TWO = np.array(
-    [k in OPERATIONS and operands_of(k) == 2 for k in range(_OPERATIONS_OF_CASADI)]
-)
+_HAS_TWO = np.array([k in OPERATIONS and operands_of(k) == 2 for k in range(_OPERATIONS_OF_CASADI)])

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from taskspec.deferred_methods import dataclass
+from taskspec.program.operators import choice
 
 #: Kinds in falling precedence: a limit that stops the run, one that leads to a stage, `fail_if`,
 #: `until`, `within`.
@@ -26,7 +27,7 @@ class Event:
         name: what a user calls it: force, speed, joint_position, `until`, time, travel, ...
         text: the condition as a sentence, with its bound.
         then: the stage that a limit leads to.
-        way: which of the ways on of the stage it leads to, where that ends well.
+        way: the number of the branch of the stage that it takes, where that ends well.
     """
 
     kind: str
@@ -61,6 +62,6 @@ def code(conditions: Sequence[Condition]) -> tuple[ca.SX, ca.SX, tuple[Event, ..
     index, value = ca.SX(0), ca.SX(0)
     for number in range(len(ordered), 0, -1):
         condition = ordered[number - 1]
-        index = ca.if_else(condition.holds, number, index)
-        value = ca.if_else(condition.holds, condition.value, value)
+        index = choice(condition.holds, ca.SX(number), index)
+        value = choice(condition.holds, condition.value, value)
     return index, value, tuple(c.event for c in ordered)

@@ -75,9 +75,13 @@ def _open_loop(stage: StagePlan) -> list[Axis]:
 
 
 def _surfaceless(stage: StagePlan) -> bool:
-    """Whether a stage has open-loop forces, and nothing to press on or to hold."""
+    """Whether a stage has open-loop forces, and nothing to press on or to hold.
+
+    A force may also press on an equation of the world.
+    """
     alone = stage.contacts.main is None and not stage.contacts.gripped
-    return alone and not all(a.is_rotation for a in _open_loop(stage))
+    borne = stage.environment.bearers
+    return alone and not all(a.is_rotation or a in borne for a in _open_loop(stage))
 
 
 def _span(stage: StagePlan, axis: Axis) -> tuple[float, float] | None:

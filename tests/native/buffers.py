@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.native.engine import Engine
+from taskspec.native.expressions import expression_ir
+from taskspec.native.interpreter import INTERPRET, interpreted, interpreter_ir
+from taskspec.store import Store
+
 Array = NDArray[np.float64]
 
 # What neither writes stays this.
 UNTOUCHED = 7.5
+NOTHING = Store(None)
 
-EVALUATE = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_void_p] * 4, ctypes.c_int)
+SIGNATURE = (*[ctypes.c_void_p] * 4, ctypes.c_int)
+EVALUATE = ctypes.CFUNCTYPE(ctypes.c_int, *SIGNATURE)
+
+#: Evaluates a function from arrays into arrays, where None stands for NULL.
+Evaluate = Callable[[Sequence[Array | None], Sequence[Array | None]], None]
 
 
 def arrays(sizes: Sequence[int]) -> list[Array]:
@@ -31,9 +42,36 @@ def pointers(memory: Sequence[Array | None]) -> ctypes.Array:
     )
 
 
-def machine(address: int, given: Sequence[Array | None], results: Sequence[Array | None]) -> None:
-    """Runs machine code from and into these arrays."""
-    assert EVALUATE(address)(pointers(given), pointers(results), None, None, 0) == 0
+def own_code(function: ca.Function, level: int = 1) -> Evaluate:
+    """A function as machine code of its own."""
+    code = Engine([expression_ir(function, "f")], level=level, store=NOTHING)
+    run = code.function("f", ctypes.c_int, *SIGNATURE)
+
+    def evaluate(given: Sequence[Array | None], results: Sequence[Array | None]) -> None:
+        assert run(pointers(given), pointers(results), None, None, 0) == 0
+
+    return evaluate
+
+
+@cache
+def interpreter() -> Engine:
+    return Engine([interpreter_ir()], store=NOTHING)
+
+
+def by_interpreter(function: ca.Function, engine: Engine | None = None) -> Evaluate:
+    """A function by the interpreter."""
+    prepared = interpreted(function, engine or interpreter())
+    run = prepared.engine.function(INTERPRET, ctypes.c_int, *SIGNATURE)
+    work = prepared.work.copy()
+
+    def evaluate(given: Sequence[Array | None], results: Sequence[Array | None]) -> None:
+        code = prepared.runs.ctypes.data
+        assert run(pointers(given), pointers(results), code, work.ctypes.data, 0) == 0
+
+    return evaluate
+
+
+TIERS = {"own code": own_code, "interpreter": by_interpreter}
 
 
 def virtual(

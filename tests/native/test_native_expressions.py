@@ -1,4 +1,7 @@
-"""Every operation of CasADi's SX as machine code, against CasADi's virtual machine, bit for bit."""
+"""Every operation of CasADi's SX as machine code and by the interpreter, bit for bit.
+
+Both are held against CasADi's virtual machine.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +24,9 @@ from taskspec.native.expressions import (
     Zero,
     expression_ir,
 )
-from taskspec.store import Store
+from taskspec.native.interpreter import INTERPRET, interpreted, interpreter_ir
 
-NOTHING = Store(None)
+NOTHING = buffers.NOTHING
 X, Y = ca.SX.sym("x"), ca.SX.sym("y")
 
 UNARY = (
@@ -98,16 +101,20 @@ def code() -> Engine:
 def test_operation_has_the_bits_of_the_virtual_machine(name, code) -> None:
     function = function_of(OPERATIONS[name])
     buffer, evaluate = function.buffer()
-    x, y, theirs, ours = (np.zeros(1) for _ in range(4))
+    x, y, theirs, ours, interpreted_ = (np.zeros(1) for _ in range(5))
     buffer.set_arg(0, memoryview(x))
     buffer.set_arg(1, memoryview(y))
     buffer.set_res(0, memoryview(theirs))
     run = buffers.EVALUATE(code.address(f"op.{name}"))
+    interpret = buffers.by_interpreter(function)
     arg, res = buffers.pointers([x, y]), buffers.pointers([ours])
     for x[0], y[0] in PAIRS:
         evaluate()
         run(arg, res, None, None, 0)
-        assert buffers.bits(ours) == buffers.bits(theirs), (x[0], y[0], ours[0], theirs[0])
+        interpret([x, y], [interpreted_])
+        expected = buffers.bits(theirs)
+        assert buffers.bits(ours) == expected, (x[0], y[0], ours[0], theirs[0])
+        assert buffers.bits(interpreted_) == expected, (x[0], y[0], interpreted_[0], theirs[0])
 
 
 def test_all_operations_of_casadi_are_held_or_refused() -> None:
@@ -117,6 +124,8 @@ def test_all_operations_of_casadi_are_held_or_refused() -> None:
     builtin = {getattr(ca, name) for name in re.findall(r"case (OP_\w+):", listed)}
     assert len(builtin) > 40
     assert builtin - {ca.OP_PRINTME} == set(expressions.OPERATIONS)
+    coded = {f"operation.{k}" for k in (*expressions.OPERATIONS, ca.OP_INPUT, ca.OP_OUTPUT)}
+    assert set(buffers.interpreter().names) == coded | {"operation.end", INTERPRET}
     tested = set().union(*(opcodes(function_of(e)) for e in OPERATIONS.values()))
     # ASSIGN and LIFT pass a number on, and SX makes neither; before CasADi 3.8 it made no TWICE.
     assert builtin - tested <= {ca.OP_PRINTME, ca.OP_ASSIGN, ca.OP_LIFT, ca.OP_TWICE}
@@ -128,11 +137,11 @@ def test_extreme_of_zeros_is_what_a_libm_makes_of_them(name, zero, monkeypatch) 
     """Other platforms take another zero than this one; the rest is the same everywhere."""
     theirs = function_of(OPERATIONS[name])
     monkeypatch.setattr(expressions, "_zero_taken", lambda _name: zero)
-    code = Engine([expression_ir(theirs, "f")], store=NOTHING)
+    evaluate = buffers.own_code(theirs)
     result, expected = np.zeros(1), np.zeros(1)
     for a, b in itertools.product([0.0, -0.0, 1.0, -1.0, np.inf, -np.inf, np.nan], repeat=2):
         x, y = np.array([a]), np.array([b])
-        buffers.machine(code.address("f"), [x, y], [result])
+        evaluate([x, y], [result])
         buffers.virtual(theirs, [x, y], [expected])
         if a == 0.0 == b and np.signbit(a) != np.signbit(b):
             assert result[0] == 0.0
@@ -149,21 +158,18 @@ def several() -> ca.Function:
     return ca.Function("several", [x, nothing, y], [first, ca.SX(0, 1), sparse, ca.SX(3.5)])
 
 
-def test_arguments_and_results_may_be_missing() -> None:
+@pytest.mark.parametrize("tier", buffers.TIERS)
+def test_arguments_and_results_may_be_missing(tier) -> None:
     """Zeros for NULL arguments, NULL results left out, as CasADi's convention has it."""
     function = several()
-    code = Engine([expression_ir(function, "several")], store=NOTHING)
+    evaluate = buffers.TIERS[tier](function)
     x, y = np.array([0.3, -2.0, 5.0]), np.array([1.5, -0.25])
     for present in itertools.product([True, False], repeat=5):
         given = [x if present[0] else None, None, y if present[1] else None]
         ours, theirs = (buffers.outputs_of(function) for _ in range(2))
         kept = [True, True, *present[2:]]
         wanted = [present[2], present[3], present[4], kept[0]]
-        buffers.machine(
-            code.address("several"),
-            given,
-            [o if w else None for o, w in zip(ours, wanted, strict=True)],
-        )
+        evaluate(given, [o if w else None for o, w in zip(ours, wanted, strict=True)])
         buffers.virtual(
             function, given, [o if w else None for o, w in zip(theirs, wanted, strict=True)]
         )
@@ -171,12 +177,12 @@ def test_arguments_and_results_may_be_missing() -> None:
             assert buffers.bits(mine) == buffers.bits(other)
 
 
-def test_a_result_may_lie_where_an_argument_does() -> None:
+@pytest.mark.parametrize("tier", buffers.TIERS)
+def test_a_result_may_lie_where_an_argument_does(tier) -> None:
     x = ca.SX.sym("x", 3)
     turned = ca.Function("turned", [x], [ca.vertcat(x[1], x[2], x[0] + x[1])])
-    code = Engine([expression_ir(turned, "turned")], store=NOTHING)
     memory = np.array([1.0, 2.0, 4.0])
-    buffers.machine(code.address("turned"), [memory], [memory])
+    buffers.TIERS[tier](turned)([memory], [memory])
     assert memory.tolist() == [2.0, 4.0, 3.0]
 
 
@@ -203,25 +209,28 @@ def grown(parts: st.SearchStrategy[ca.SX]) -> st.SearchStrategy[ca.SX]:
 def test_random_expressions_have_the_bits_of_the_virtual_machine(expression) -> None:
     """Whole functions, which LLVM may rearrange where single operations leave nothing to."""
     function = function_of(expression)
-    code = Engine([expression_ir(function, "f")], level=2, store=NOTHING)
+    tiers = buffers.own_code(function, level=2), buffers.by_interpreter(function)
     ours, theirs = np.zeros(1), np.zeros(1)
     for x, y in PAIRS[:: len(PAIRS) // 50].reshape(-1, 2, 1).copy():
-        buffers.machine(code.address("f"), [x, y], [ours])
         buffers.virtual(function, [x, y], [theirs])
-        assert buffers.bits(ours) == buffers.bits(theirs), (expression, x, y)
+        for evaluate in tiers:
+            evaluate([x, y], [ours])
+            assert buffers.bits(ours) == buffers.bits(theirs), (expression, x, y)
 
 
 def test_products_are_not_contracted() -> None:
     """x y + z in one rounding differs here from two: (1 + e)(1 - e) - 1 is -e^2, or 0."""
     z = ca.SX.sym("z")
     function = ca.Function("f", [X, Y, z], [X * Y + z])
-    code = Engine([expression_ir(function, "f")], level=3, store=NOTHING)
-    e, result = 2.0**-30, np.zeros(1)
-    buffers.machine(code.address("f"), [np.array([v]) for v in (1 + e, 1 - e, -1.0)], [result])
-    assert result[0] == 0.0
+    e = 2.0**-30
+    for evaluate in (buffers.own_code(function, level=3), buffers.by_interpreter(function)):
+        result = np.ones(1)
+        evaluate([np.array([v]) for v in (1 + e, 1 - e, -1.0)], [result])
+        assert result[0] == 0.0
 
 
-def test_what_cannot_be_compiled_is_named() -> None:
+@pytest.mark.parametrize("tier", buffers.TIERS)
+def test_what_cannot_be_compiled_is_named(tier) -> None:
     inner = ca.Function("inner", [X], [ca.sin(X)], {"never_inline": True})
     called = ca.Function("outer", [X], [inner(X)])
     printing = ca.Function("printing", [X, Y], [X.printme(Y)])
@@ -229,11 +238,11 @@ def test_what_cannot_be_compiled_is_named() -> None:
         with pytest.raises(
             UnsupportedOperationError, match=f"{function.name()} uses {operation}"
         ) as e:
-            expression_ir(function, "f")
+            buffers.TIERS[tier](function)
         assert (e.value.operation, e.value.opcode) == (operation, getattr(ca, operation))
     x = ca.MX.sym("x", 2)
     with pytest.raises(TypeError, match="mx is no function of SX"):
-        expression_ir(ca.Function("mx", [x], [ca.norm_2(x)]), "f")
+        buffers.TIERS[tier](ca.Function("mx", [x], [ca.norm_2(x)]))
 
 
 def test_a_libm_with_other_bits_is_refused(monkeypatch) -> None:
@@ -244,6 +253,10 @@ def test_a_libm_with_other_bits_is_refused(monkeypatch) -> None:
         with pytest.raises(UnsupportedOperationError, match="OP_ASIN, which this libm has with"):
             expression_ir(ca.Function("f", [X], [ca.asin(X)]), "f")
         expression_ir(ca.Function("f", [X], [ca.acos(X)]), "f")
+        engine = Engine([interpreter_ir()], store=NOTHING)
+        with pytest.raises(UnsupportedOperationError, match="OP_ASIN"):
+            buffers.by_interpreter(ca.Function("f", [X], [ca.asin(X)]), engine)
+        buffers.by_interpreter(ca.Function("f", [X], [ca.acos(X)]), engine)
     finally:
         expressions._is_casadis.cache_clear()
 
@@ -263,3 +276,39 @@ def test_calling_convention_is_that_of_casadi() -> None:
     assert run(ctypes.cast(arg, double), ctypes.cast(res, double), None, work.ctypes.data, 0) == 0
     assert results[3][0] == 3.5
     assert (work == buffers.UNTOUCHED).all()
+
+
+def test_functions_are_evaluated_in_turns_by_one_interpreter() -> None:
+    """Each has its work vector, and leaves nothing in it that a later call would read."""
+    functions = [several(), function_of(ca.sin(X) / Y + 2.5, 3)]
+    evaluates = [buffers.by_interpreter(function) for function in functions]
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        for function, evaluate in zip(functions, evaluates, strict=True):
+            given = [rng.normal(size=max(1, function.nnz_in(k))) for k in range(function.n_in())]
+            ours, theirs = buffers.outputs_of(function), buffers.outputs_of(function)
+            evaluate(given, ours)
+            buffers.virtual(function, given, theirs)
+            for mine, other in zip(ours, theirs, strict=True):
+                assert buffers.bits(mine) == buffers.bits(other)
+
+
+def test_a_function_is_prepared_once_for_its_interpreter() -> None:
+    function = several()
+    prepared = interpreted(function, buffers.interpreter())
+    assert interpreted(function, buffers.interpreter()) is prepared
+    other = Engine([interpreter_ir()], store=NOTHING)
+    assert interpreted(function, other).engine is other
+
+
+def test_instructions_with_one_operation_follow_on_each_other() -> None:
+    """A processor guesses the operation that comes next; a hundred products come in one piece."""
+    function = function_of(ca.sin(X) * Y + X, 100)
+    runs = interpreted(function, buffers.interpreter()).runs.tolist()
+    lengths = []
+    while len(runs) > 1:
+        length = 2 + runs[1] * (2 if len(lengths) == 4 else 1)
+        lengths.append(runs[1])
+        runs = runs[length:]
+    # Arguments, sines, products, sums, results.
+    assert lengths == [200, 100, 100, 100, 100]

@@ -64,13 +64,18 @@ def logged(program: Program, folder: Path, loop: str, seed: int = 3) -> tuple[by
     return path.read_bytes() + repr(parts.machine.transitions).encode(), outcome.loop
 
 
+def the_same(program: Program, folder: Path) -> bool:
+    """Whether machine code, the interpreter and Python write the same, each where it should run."""
+    native, loop = logged(program, folder / "native", "native")
+    interpreted, tier = logged(program, folder / "interpreted", "interpreted")
+    python, _ = logged(program, folder / "python", "python")
+    assert (loop, tier) == ("native", "native")
+    return native == interpreted == python
+
+
 @pytest.mark.parametrize("task", DIFFERENT)
 def test_the_loops_write_the_same_bytes(task: str, tmp_path: Path) -> None:
-    program = compile_unchecked(load_task(TASKS / f"{task}.yaml"))
-    native, loop = logged(program, tmp_path / "native", "native")
-    python, _ = logged(program, tmp_path / "python", "python")
-    assert loop == "native"
-    assert native == python
+    assert the_same(compile_unchecked(load_task(TASKS / f"{task}.yaml")), tmp_path)
 
 
 SLOWED = """
@@ -90,10 +95,7 @@ stages:
 def test_the_loops_go_along_a_slowed_path_alike(tmp_path: Path) -> None:
     (tmp_path / "slowed.yaml").write_text(SLOWED)
     program = compile_unchecked(load_task(tmp_path / "slowed.yaml"))
-    native, loop = logged(program, tmp_path / "native", "native")
-    python, _ = logged(program, tmp_path / "python", "python")
-    assert loop == "native"
-    assert native == python
+    assert the_same(program, tmp_path)
 
 
 FLAT = """
@@ -126,10 +128,7 @@ def test_the_loops_press_and_slide_a_flat_tool_alike(tool: str, plate: str, tmp_
     text = FLAT.format(tool=f"shape: {tool}", plate=f"shape: {plate}")
     (tmp_path / "flat.yaml").write_text(text)
     program = compile_unchecked(load_task(tmp_path / "flat.yaml"))
-    native, loop = logged(program, tmp_path / "native", "native")
-    python, _ = logged(program, tmp_path / "python", "python")
-    assert loop == "native"
-    assert native == python
+    assert the_same(program, tmp_path)
 
 
 TRACKING = """
@@ -156,10 +155,7 @@ stages:
 def test_the_loops_turn_a_frame_that_tracks_alike(of: str, tmp_path: Path) -> None:
     (tmp_path / "tracking.yaml").write_text(TRACKING.replace("track: force", f"track: {of}"))
     program = compile_unchecked(load_task(tmp_path / "tracking.yaml"))
-    native, loop = logged(program, tmp_path / "native", "native")
-    python, _ = logged(program, tmp_path / "python", "python")
-    assert loop == "native"
-    assert native == python
+    assert the_same(program, tmp_path)
 
 
 @pytest.mark.parametrize("loop", ["native", "python"])
@@ -245,15 +241,79 @@ def test_code_of_all_stages_is_asked_for_at_once(
         sensing = Sensing(parts.plant.arm, parts.plant.views.equations, parts.machine)
         closed = ClosedLoop(parts.machine, parts.plant, parts.bus, sensing, recorder)
         loop = NativeLoop(closed, recorder.block)
-        with pytest.raises(code.NotReadyError):
-            loop.ready(code.Compiling.NOT_YET)
+        loop.ready(code.Compiling.NOT_YET)
         assert not code._ENGINES._under_way
-        with pytest.raises(code.NotReadyError):
-            loop.ready(code.Compiling.BESIDE)
+        loop.ready(code.Compiling.BESIDE)
         asked = [runner.tick.function for runner in parts.machine.runners]
         code._compiler().submit(int).result()
     for function in asked:
         assert code.expression_engine(function, code.Compiling.NOT_YET).names == (code.CODE,)
+
+
+@pytest.fixture
+def nothing_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TASKSPEC_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(code, "_ENGINES", code._Engines())
+    monkeypatch.delenv("TASKSPEC_LOOP")
+
+
+def with_code_of_their_own(machine: Machine) -> list[bool]:
+    """Of each stage, whether its tick has machine code of its own."""
+    return [runner.tick.code is not None for runner in machine.runners]
+
+
+@pytest.mark.usefixtures("nothing_kept")
+def test_a_file_that_nobody_has_seen_runs_natively_without_being_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From its first tick on: Python makes those alone with which stages begin and end."""
+    program = compile_unchecked(load_task(TASKS / "tilted-force.yaml"))
+    by_python: list[float] = []
+    tick = Machine.tick
+
+    def ticks(machine: Machine, clock: float) -> float:
+        by_python.append(clock)
+        return tick(machine, clock)
+
+    monkeypatch.setattr(Machine, "tick", ticks)
+    parts = assemble(program)
+    with closing(parts.recorder(Log(tmp_path / "log.arrow"))) as recorder:
+        period = program.context.period
+        outcome = fixed_step.run(parts.machine, parts.plant, parts.bus, recorder, period)
+    assert outcome.loop == "native"
+    assert outcome.ticks > 1000 * max(len(by_python), 1)
+    assert with_code_of_their_own(parts.machine) == [False] * len(parts.machine.runners)
+    assert not {runner.tick.function.__hash__() for runner in parts.machine.runners} & set(
+        code._ENGINES._made
+    )
+
+
+@pytest.mark.usefixtures("nothing_kept")
+def test_code_of_its_own_takes_over_in_a_long_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = compile_unchecked(load_task(TASKS / "tilted-force.yaml"))
+    monkeypatch.setattr(fixed_step, "_WORTH_COMPILING", 1000)
+    had: list[tuple[float, bool]] = []
+
+    def progress(machine: Machine, clock: float) -> None:
+        """Waits for what has been asked for, so that it is there on the next tick."""
+        code._compiler().submit(int).result()
+        had.append((clock, machine.runner.tick.code is not None))
+
+    parts = assemble(program)
+    with closing(parts.recorder(Log(tmp_path / "log.arrow"))) as recorder:
+        fixed_step.run(
+            *(parts.machine, parts.plant, parts.bus, recorder, program.context.period),
+            progress,
+            seed=3,
+        )
+    assert not any(own for clock, own in had if clock < 1.0)
+    assert all(own for clock, own in had if clock > 2.0)
+    assert {own for _, own in had} == {False, True}
+    expected, _ = logged(program, tmp_path / "python", "python")
+    transitions = repr(parts.machine.transitions).encode()
+    assert (tmp_path / "log.arrow").read_bytes() + transitions == expected
 
 
 @pytest.fixture
@@ -278,7 +338,9 @@ def test_the_environment_names_a_loop(tmp_path: Path, monkeypatch: pytest.Monkey
     made = run(loaded, tmp_path / "run", report=False)
     assert (made.manifest["loop"], made.manifest["why_python"]) == ("native", None)
     monkeypatch.setenv("TASKSPEC_LOOP", "fast")
-    with pytest.raises(InputError, match="TASKSPEC_LOOP names native or python, not 'fast'"):
+    with pytest.raises(
+        InputError, match="TASKSPEC_LOOP names native, interpreted or python, not 'fast'"
+    ):
         run(loaded, tmp_path / "run", report=False)
 
 
@@ -373,10 +435,7 @@ def test_the_loops_take_ways_that_python_has_to_open_alike(tmp_path: Path) -> No
     """A limit that leads to a stage does not count there at first, and attempts come to an end."""
     (tmp_path / "repeated.yaml").write_text(REPEATED)
     program = compile_unchecked(load_task(tmp_path / "repeated.yaml"))
-    native, loop = logged(program, tmp_path / "native", "native")
-    python, _ = logged(program, tmp_path / "python", "python")
-    assert loop == "native"
-    assert native == python
+    assert the_same(program, tmp_path)
 
 
 OSQP = """
@@ -401,7 +460,4 @@ def test_a_stage_whose_first_tick_python_has_to_make_is_opened_once(tmp_path: Pa
     """OSQP answers in Python: machine code leaves that tick, and goes on with the next one."""
     (tmp_path / "osqp.yaml").write_text(OSQP)
     program = compile_unchecked(load_task(tmp_path / "osqp.yaml"))
-    native, loop = logged(program, tmp_path / "native", "native")
-    python, _ = logged(program, tmp_path / "python", "python")
-    assert loop == "native"
-    assert native == python
+    assert the_same(program, tmp_path)

@@ -16,6 +16,7 @@ from rich.text import Text
 
 from taskspec.compiler import admit
 from taskspec.examination import examine
+from taskspec.program.program import Program
 from taskspec.text.codes import CODES
 from taskspec.text.suggest import suggestion
 from taskspec_runner.cli.console import console, show, table
@@ -23,12 +24,16 @@ from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.pages import page
+from taskspec_runner.cli.sheet.at_rest import grouped
 from taskspec_runner.cli.sheet.axes import LEGEND
 from taskspec_runner.cli.sheet.sheet import as_data, sheet
 from taskspec_runner.cli.sheet.stability import StabilitySheet
 from taskspec_runner.cli.sheet.stage import StageSheet
 from taskspec_runner.errors import InputError
+from taskspec_runner.trial.check import TRIAL_TICKS
+from taskspec_runner.trial.trial import Trial, trial
 
+_STATIC = "left out: --static"
 _CODE = re.compile(r"TS\d{3}\Z", re.IGNORECASE)
 
 
@@ -37,13 +42,23 @@ def explain_what(
     sets: Sequence[str] = (),
     law: str | None = None,
     form: RunFormat = RunFormat.TEXT,
+    *,
+    static: bool = False,
 ) -> int:
-    """Explains a task file under overrides, or a code if there is no such file."""
+    """Explains a task file under overrides, or a code if there is no such file.
+
+    Args:
+        what: the file, or the code.
+        sets: overrides of the file, as `KEY=VALUE`.
+        law: a law that replaces those of the file.
+        form: of what is shown.
+        static: whether to leave the trial out.
+    """
     as_json = form is RunFormat.JSON
     if not Path(what).exists() and _CODE.match(what):
         _explain_code(what.upper(), as_json=as_json)
     else:
-        _explain_file(Path(what), sets, law, as_json=as_json)
+        _explain_file(Path(what), sets, law, as_json=as_json, static=static)
     return 0
 
 
@@ -62,35 +77,46 @@ def _explain_code(code: str, *, as_json: bool) -> None:
         typer.echo(text, nl=False)
 
 
-def _explain_file(path: Path, sets: Sequence[str], law: str | None, *, as_json: bool) -> None:
+def _explain_file(
+    path: Path, sets: Sequence[str], law: str | None, *, as_json: bool, static: bool
+) -> None:
     # Poles and bounds of the sheet come from the same analysis, so that it is made once.
     program = admit(examine(load(path, sets, law), stability=False))
-    shown = sheet(program)
+    shown = sheet(program, *((None, _STATIC) if static else _trial(program)))
     if as_json:
         _print(as_data(shown) | {"diagnostics": [record(d) for d in program.findings]})
         return
     show_diagnostics(program.findings, program.context.loaded.sources, err=True)
     about = [Text(shown.about)] if shown.about else []
-    show(Text(shown.name, style="bold"), *about, _pairs((*shown.robot, ("lasts", shown.duration))))
+    show(Text(shown.name, style="bold"), *about, _pairs((*shown.robot, ("trial", shown.how))))
     if shown.world:
         _section("world", _pairs(shown.world))
     frames = table("frame", "is", "task frame of")
     for frame in shown.frames:
         frames.add_row(*_cells(frame.name, frame.described, ", ".join(frame.stages)))
     _section("frames", frames)
-    other = "at worst in vary" if program.context.loaded.task.vary else "in truth"
     for stage, stability in shown.stages:
-        _show_stage(stage, other)
+        _show_stage(stage)
         if stability is not None:
             _show_stability(stability)
     if shown.expected:
-        _section("expected", *(Text(f"  {expectation}") for expectation in shown.expected))
+        expected = table("expected", "in the trial") if shown.trial else table("expected")
+        for title, came_to in shown.expected:
+            expected.add_row(*_cells(title, *([came_to] if shown.trial else [])))
+        show("", expected)
     _section("defaults taken", _pairs(shown.defaults))
     show("", Text(LEGEND, style="dim"))
 
 
-def _show_stage(stage: StageSheet, other: str) -> None:
-    """Shows a stage; `other` says which worlds are not as the controller is told."""
+def _trial(program: Program) -> tuple[Trial | None, str]:
+    """The trial of a program, or why there is none."""
+    try:
+        return trial(program, ticks=TRIAL_TICKS), ""
+    except InputError as error:
+        return None, f"cannot begin: {error}"
+
+
+def _show_stage(stage: StageSheet) -> None:
     facts = (
         ("law", f"{stage.law}, equations {stage.equations}"),
         ("frame", stage.frame),
@@ -100,19 +126,30 @@ def _show_stage(stage: StageSheet, other: str) -> None:
         *stage.kept,
         *([("tare", "what the sensor shows here on average becomes its zero")] * stage.tare),
         *stage.ends,
+        *([] if stage.trial is None else stage.trial.rows),
     )
     axes = table("axis", "natural constraint", "artificial constraint", "by")
     for axis in stage.axes:
         axes.add_row(*_cells(axis.axis, axis.natural, axis.artificial, axis.by))
-    worst = any(row.worst for row in stage.expected)
-    predicted = table("predicted", "is", *([other] if worst else []), "from")
-    for row in stage.expected:
-        cells = (row.what, row.value, *([row.worst] if worst else []), row.source)
-        predicted.add_row(*_cells(*cells))
     gains = table("gain", "on", "value", "from", right=("value",))
     for gain in stage.gains:
         gains.add_row(*_cells(gain.gain, " ".join(gain.axes), gain.value, gain.origin))
-    _section(f"stage {stage.name}", _pairs(facts), "", axes, "", predicted, "", gains)
+    _section(f"stage {stage.name}", _pairs(facts), "", axes, *_at_rest(stage), "", gains)
+
+
+def _at_rest(stage: StageSheet) -> tuple[RenderableType, ...]:
+    """What its signals settle at; nothing of a stage without any."""
+    if not stage.at_rest:
+        return ()
+    if stage.trial is None or not stage.trial.visits:
+        shown = table("by the law", "is", "from")
+        for signal, *_, value, source in grouped(stage.at_rest):
+            shown.add_row(*_cells(signal, value, source))
+    else:
+        shown = table("at rest", "set point", "is", "overshoot", "settled in", "by the law", "from")
+        for row in grouped(stage.at_rest):
+            shown.add_row(*_cells(*row))
+    return "", shown
 
 
 def _show_stability(stability: StabilitySheet) -> None:

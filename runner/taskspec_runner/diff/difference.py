@@ -171,7 +171,7 @@ def _numbers(run: Run) -> Iterator[tuple[tuple[str, str, str, str], float | None
 
 
 def _of_stage(run: Run, stage: str) -> Iterator[tuple[tuple[str, str, str, str], float | None]]:
-    """Responses, contact and predictions of a stage."""
+    """Responses, contact and closed forms at rest of a stage."""
     for signal, values in mapping(mapping(run.summary.get("responses")).get(stage)).items():
         for statistic, unit in _RESPONSES.items():
             found = mapping(values).get(statistic)
@@ -179,13 +179,9 @@ def _of_stage(run: Run, stage: str) -> Iterator[tuple[tuple[str, str, str, str],
     for statistic, found in mapping(mapping(run.summary.get("contact")).get(stage)).items():
         unit = "s" if statistic == "time" else ""
         yield (stage, "contact", f"lost_{statistic}" if unit else statistic, unit), number(found)
-    judged = mapping(mapping(run.summary.get("predicted")).get(stage))
-    for signal, at in mapping(judged.get("equilibrium")).items():
+    for signal, at in mapping(mapping(run.summary.get("rest_values")).get(stage)).items():
         unit = run.units.get(signal, "")
-        yield (stage, signal, "predicted_rest", unit), number(mapping(at).get("value"))
-    for axis, how in mapping(judged.get("settling")).items():
-        found = number(mapping(how).get("time_constant"))
-        yield (stage, axis, "predicted_time_constant", "s"), found
+        yield (stage, signal, "rest_by_law", unit), number(mapping(at).get("value"))
 
 
 def _log(logs: LogDifference) -> Json:

@@ -8,15 +8,16 @@ nothing by themselves.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import ROTATIONS, Axis
+from taskspec.program.axes import MOSTLY
+from taskspec.program.plan import StagePlan
 from taskspec.program.sensor import SensorModel
-from taskspec.program.world.stiffness import mass_along
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.rebuild import GRAVITY
 from taskspec.rules.finding import Place
@@ -25,6 +26,7 @@ from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, key_of
 from taskspec.spec.robot import Robot
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, inside, show
+from taskspec_runner.trial.impact import impact_at
 from taskspec_runner.trial.moment import Moment
 
 Vector = NDArray[np.float64]
@@ -37,6 +39,18 @@ BLOWS = 4.0
 DEVIATIONS = 3.0
 #: A mechanism is at its stop from this share of its range on.
 AT_STOP = 0.02
+#: Ticks before a stop's force over which a mechanism's speed is taken.
+_BEFORE_A_STOP = 50
+#: A mechanism rests that is slower, by whether it turns [rad/s or m/s].
+STOP_SPEED = {False: 0.01, True: 0.02}
+#: A command is what passes a limit from this share of it on.
+COMMANDED = 0.97
+#: A motor is at its limit from this share of it on.
+SATURATED = 0.995
+#: Ticks before an end of which a saturation is read off.
+_SATURATED_TICKS = 50
+#: A tool stays where it is that comes by less nearer to a surface, or farther off it [m].
+_STAYS = 1e-4
 #: A tool that nothing touches follows a force loop, not its reference, if it is so much faster.
 RUNS_AWAY = 1.5
 
@@ -64,8 +78,16 @@ def first_cause(moment: Moment, *finders: Callable[[Moment], Cause | None]) -> C
 # --- what a sensor measures that is no contact ---------------------------------------------------
 
 
-def sensor_error(moment: Moment) -> Cause | None:
-    """What makes the measured force another than the true one: the largest part of it."""
+def sensor_error(
+    moment: Moment, named: Collection[str] = (), *, reading: bool = True
+) -> Cause | None:
+    """What makes the measured force another than the true one: the largest part of it.
+
+    Args:
+        moment: to look at.
+        named: the axes that matter; none for all.
+        reading: whether the reading of this tick is the one that matters, and is named.
+    """
     error = float(np.linalg.norm(moment.error))
     true, measured = moment.force(), moment.force(measured=True)
     if error <= TOUCHING or error < 0.1 * float(np.linalg.norm(measured)):
@@ -76,8 +98,13 @@ def sensor_error(moment: Moment) -> Cause | None:
     size, cause = max(found, key=lambda each: each[0])
     if size < EXPLAINS * error:
         return None
-    i = int(np.argmax(np.abs(moment.error)))
+    counts = [not named or str(axis) in named for axis in moment.axes]
+    if not any(counts):
+        counts = [True] * len(moment.axes)
+    i = int(np.argmax(np.abs(moment.error) * counts))
     axis = moment.axes[i]
+    if not reading:
+        return cause
     reads = (
         f"force.{axis} is measured as {show(float(measured[i]), 'N', 3)} where the tool applies "
         f"{show(float(true[i]), 'N', 3)}"
@@ -147,34 +174,49 @@ def _carried(robot: Robot) -> float:
 # --- forces --------------------------------------------------------------------------------------
 
 
+def commanded(moment: Moment) -> Cause | None:
+    """Set points that are themselves beyond the force at which the run stops."""
+    plans = moment.stage.plans
+    axes = [a for a in moment.axes if a in plans and plans[a].set_point]
+    wanted = {a: moment.value(f"force.{a}.ref") for a in axes}
+    wanted = {a: force for a, force in wanted.items() if math.isfinite(force)}
+    equations = [
+        value
+        for name in moment.stage.spec.constraints
+        if math.isfinite(value := moment.value(f"{name}.force.ref"))
+    ]
+    size = float(np.linalg.norm([*wanted.values(), *equations])) if wanted or equations else 0.0
+    bearing = float(np.linalg.norm(moment.force(measured=True)))
+    if not size or size < COMMANDED * bearing:
+        return None
+    own = FILE.stages[moment.stage.name]
+    axis = max(wanted, key=lambda a: abs(wanted[a]), default=None)
+    return Cause(
+        f"{show(size, 'N', 3)} are commanded there",
+        "lower the set point, or raise the limit, for this stage by its own `limits`",
+        key_of(own.axes[axis]) if axis is not None else key_of(own.constraints),
+    )
+
+
 def blow(moment: Moment) -> Cause | None:
     """A touch with a speed: a mass m that meets a contact k with v presses with v sqrt(k m)."""
     row, contact = moment.first_touch, moment.pressed
-    if row is None or not contact or row == 0:
+    touch = impact_at(moment, row, contact) if row is not None and contact else None
+    if touch is None:
         return None
-    context = moment.stage.context
-    compliance = context.compliances[contact]
-    q = _joints(moment, row)
-    mass = mass_along(context.robot, q, moment.stage.contacts.normal(contact))
-    lasts = BLOWS * math.pi * math.sqrt(mass / compliance.stiffness)
-    passed = moment.value("clock") - moment.value("clock", row)
-    first = max(0, row - 4)
-    gaps = [moment.value(f"{contact}.gap", each) for each in (first, row - 1)]
-    if passed > lasts or row - 1 <= first or not all(map(math.isfinite, gaps)):
-        return None
-    speed = (gaps[0] - gaps[1]) / ((row - 1 - first) * context.period)
-    peak = speed * math.sqrt(mass * compliance.stiffness)
-    if peak < EXPLAINS * float(np.linalg.norm(moment.force())):
+    passed = moment.value("clock") - moment.value("clock", touch.row)
+    weak = touch.peak < EXPLAINS * float(np.linalg.norm(moment.force()))
+    if passed > BLOWS * touch.half_period or weak:
         return None
     bound = moment.stage.limits.force
     hint = "come there more slowly"
-    if bound is not None and peak > bound:
-        slower = show(inside(speed * bound / peak, upper=True, digits=2), "mm/s")
-        hint = f"come there with {slower} or less, or raise the limit"
+    if bound is not None and touch.peak > bound:
+        slower = inside(touch.speed * bound / touch.peak, upper=True, digits=2)
+        hint = f"come there with {show(slower, 'mm/s')} or less, or raise the limit"
     return Cause(
-        f"the tool meets {contact!r} with {show(speed, 'mm/s', 3)}, and "
-        f"{show(mass, 'kg', 2)} on {show(compliance.stiffness, 'kN/m', 3)} make of that about "
-        f"{show(peak, 'N', 2)}",
+        f"the tool meets {touch.contact!r} with {show(touch.speed, 'mm/s', 3)}, and "
+        f"{show(touch.mass, 'kg', 2)} on {show(touch.stiffness, 'kN/m', 3)} make of that about "
+        f"{show(touch.peak, 'N', 2)}",
         hint,
         motion_of(moment.stage),
     )
@@ -185,7 +227,7 @@ def mechanism(moment: Moment) -> Cause | None:
     held = moment.stage.context.held
     if not held:
         return None
-    model, name = moment.nominal.mechanisms[held], moment.stage.name
+    model = moment.nominal.mechanisms[held]
     angular = moment.stage.context.mechanisms[held].angular
     unit = LENGTH.on(rotation=angular)
     place = moment.value(f"{held}.{'angle' if angular else 'travel'}")
@@ -193,9 +235,12 @@ def mechanism(moment: Moment) -> Cause | None:
         near = AT_STOP * (model.stop[1] - model.stop[0])
         for stop in model.stop:
             if abs(place - stop) <= near:
+                speed = _met_with(moment, held, angular=angular)
+                meets = "is at" if speed is None else f"meets, with {speed},"
+                slower = "" if speed is None else "come there more slowly, "
                 return Cause(
-                    f"{held!r} is at its stop, {show(stop, unit, 3)}, and the motion goes on",
-                    "shorten the motion, or move until a force says that it is there",
+                    f"{held!r} {meets} its stop, {show(stop, unit, 3)}, and the motion goes on",
+                    f"{slower}shorten the motion, or move until a force says that it is there",
                     motion_of(moment.stage),
                 )
     axis, force, rate = _axis_of_force(moment)
@@ -204,18 +249,54 @@ def mechanism(moment: Moment) -> Cause | None:
     along = abs(rate) * abs(force) >= EXPLAINS * float(
         np.linalg.norm(moment.force()) * moment.value("speed")
     )
+    driving = _driving(moment)
+    if along and rate and len(driving) > 1:
+        both = " and ".join(repr(each) for each in driving)
+        return Cause(
+            f"{both} both move {held!r}, which goes one way alone, and {axis!r} bears "
+            f"{show(abs(force), axis.of(FORCE), 3)}",
+            "move it by one axis, and let the others follow it or give way",
+            _axis_place(moment, axis),
+        )
     if along and rate:
         return Cause(
             f"{axis!r} takes {held!r} along with {show(abs(force), axis.of(FORCE), 3)}",
             f"move more slowly, or let {axis!r} give way: {axis}: {{{axis.effort}: 0}}",
-            FILE.stages[name].axes[axis] if axis in moment.stage.spec.axes else None,
+            _axis_place(moment, axis),
         )
     return Cause(
         f"{held!r} does not let {axis!r} move as it is to, and the grip bears "
         f"{show(abs(force), axis.of(FORCE), 3)}",
         f"let it give way: {axis}: {{{axis.effort}: 0}}",
-        FILE.stages[name].axes[axis] if axis in moment.stage.spec.axes else None,
+        _axis_place(moment, axis),
     )
+
+
+def _met_with(moment: Moment, held: str, *, angular: bool) -> str | None:
+    """How fast a mechanism came to where it is, in words; None where it rested there."""
+    column = f"{held}.{'angle' if angular else 'travel'}"
+    places = moment.stretch(column)[-_BEFORE_A_STOP:]
+    if len(places) < 2:
+        return None
+    fastest = float(np.nanmax(np.abs(np.diff(places)))) / moment.stage.context.period
+    rest = STOP_SPEED[angular]
+    return show(fastest, VELOCITY.on(rotation=angular), 3) if fastest > rest else None
+
+
+def _driving(moment: Moment) -> list[Axis]:
+    """The axes that are to move with a velocity of their own, along and about which none gives."""
+    found = []
+    for axis, plan in moment.stage.plans.items():
+        rate = moment.value(f"velocity.{axis}.ref")
+        if not plan.force and not plan.open_loop and abs(np.nan_to_num(rate)) > 0:
+            found.append(axis)
+    return found
+
+
+def _axis_place(moment: Moment, axis: Axis) -> Place | None:
+    """The key of an axis, if the stage has it."""
+    own = FILE.stages[moment.stage.name]
+    return key_of(own.axes[axis]) if axis in moment.stage.spec.axes else None
 
 
 def _axis_of_force(moment: Moment) -> tuple[Axis | None, float, float]:
@@ -230,7 +311,7 @@ def _axis_of_force(moment: Moment) -> tuple[Axis | None, float, float]:
 def motion_into_contact(moment: Moment) -> Cause | None:
     """An axis that is motion-controlled while what it presses on gives way to nothing."""
     force = np.abs(np.nan_to_num(moment.force()))
-    if not len(force) or not force.any() or not moment.touches:
+    if not len(force) or not force.any() or not moment.touches or moment.stage.spec.constraints:
         return None
     axis = moment.axes[int(np.argmax(force))]
     plan = moment.stage.plans.get(axis)
@@ -238,13 +319,11 @@ def motion_into_contact(moment: Moment) -> Cause | None:
     if plan is None or plan.force or plan.open_loop or not math.isfinite(error):
         return None
     on = repr(moment.pressed) if moment.pressed else "what it touches"
-    place = FILE.stages[moment.stage.name].axes
-    named = axis in moment.stage.spec.axes
     return Cause(
         f"{axis!r} is motion-controlled, and its reference is {show(abs(error), 'mm', 2)} beyond "
         f"where {on} lets the tool go",
         f"give {axis!r} a force, or end the motion before",
-        key_of(place[axis]) if named else None,
+        _axis_place(moment, axis),
     )
 
 
@@ -252,20 +331,26 @@ def motion_into_contact(moment: Moment) -> Cause | None:
 
 
 def runaway(moment: Moment) -> Cause | None:
-    """A force loop on an axis along which nothing returns the force."""
-    if moment.value("touching") > 0 or moment.stage.context.held:
+    """A force loop on an axis along which nothing returns the force, or friction too little."""
+    if moment.stage.context.held:
         return None
+    touching = moment.value("touching") > 0
     for axis, plan in moment.stage.plans.items():
         rate = abs(moment.value(f"velocity.{axis}"))
         wanted = moment.value(f"{axis.effort}.{axis}.ref")
         fastest = max(abs(moment.value(f"velocity.{a}")) for a in moment.stage.translations)
         if not plan.set_point or not wanted or axis.is_rotation or rate < fastest / RUNS_AWAY:
             continue
+        if touching and abs(moment.stage.contacts.facing(axis)) > MOSTLY:
+            continue
+        returns = "friction returns less than" if touching else "nothing returns"
         return Cause(
-            f"nothing returns the {show(wanted, 'N', 3)} on {axis!r}, and the tool goes there with "
+            f"{returns} the {show(wanted, 'N', 3)} on {axis!r}, and the tool goes there with "
             f"{show(rate, 'mm/s', 3)}",
-            "let a stage before it touch: a velocity until a force is measured",
-            FILE.stages[moment.stage.name].axes[axis],
+            f"press harder, lower the force, or give {axis!r} a velocity"
+            if touching
+            else "let a stage before it touch: a velocity until a force is measured",
+            key_of(FILE.stages[moment.stage.name].axes[axis]),
         )
     return None
 
@@ -280,6 +365,46 @@ def reference_speed(moment: Moment) -> Cause | None:
     return Cause(
         f"the reference goes with {show(wanted, 'mm/s', 3)} there",
         "move more slowly, or raise the limit, for this stage by its own `limits`",
+        motion_of(moment.stage),
+    )
+
+
+def behind(moment: Moment) -> Cause | None:
+    """The axis that is farthest off its reference, and what it bears."""
+    plans = moment.stage.plans
+    led = [a for a in moment.axes if a in plans and plans[a].motion and not plans[a].set_point]
+    errors = {a: abs(np.nan_to_num(moment.value(f"error.{a}"))) for a in led}
+    axis = max(errors, key=lambda a: errors[a], default=None)
+    if axis is None or not errors[axis]:
+        return None
+    return Cause(
+        f"the tool is {show(float(errors[axis]), 'mm', 3)} off its reference along {axis!r}, and "
+        f"applies {show(moment.value(f'force.{axis}'), 'N', 3)} there",
+        "end the motion before, move more slowly, stiffen the law, or raise the limit",
+        _axis_place(moment, axis),
+    )
+
+
+def saturated(moment: Moment) -> Cause | None:
+    """Joints whose motors are at their limits just before."""
+    robot = moment.stage.context.robot
+    if moment.row + 1 - moment.visit.first < _SATURATED_TICKS:
+        return None
+    joints = [
+        i + 1
+        for i in range(robot.pin.nv)
+        if np.mean(
+            np.abs(moment.stretch(f"joint.{i + 1}.torque")[-_SATURATED_TICKS:])
+            >= SATURATED * robot.torque_limit[i]
+        )
+        >= EXPLAINS
+    ]
+    if not joints:
+        return None
+    names = ", ".join(f"joint {i} ({robot.torque_limit[i - 1]:g} N*m)" for i in joints)
+    return Cause(
+        f"the torque is at its limit in {names}",
+        "command less, move more slowly, or start where the arm bears it better",
         motion_of(moment.stage),
     )
 
@@ -327,7 +452,13 @@ def left_apart(moment: Moment) -> Cause | None:
     if not gap > 0:
         return None
     begun = moment.value(f"{contact}.gap", moment.visit.first)
-    if gap >= begun:
+    if abs(gap - begun) < _STAYS:
+        return Cause(
+            f"it stays {show(gap, 'mm', 3)} off {contact!r}",
+            "move towards it: a velocity until a force is measured",
+            motion_of(moment.stage),
+        )
+    if gap > begun:
         return Cause(
             f"it moves away from {contact!r}, which is {show(gap, 'mm', 3)} off",
             "turn the motion round: coordinates and forces are along the frame's axes",
@@ -340,6 +471,25 @@ def left_apart(moment: Moment) -> Cause | None:
     )
 
 
-def _joints(moment: Moment, row: int) -> Vector:
-    n = moment.stage.context.robot.pin.nv
-    return np.array([moment.value(f"joint.{i + 1}.position", row) for i in range(n)])
+def no_number(text: str, stage: StagePlan) -> Cause | None:
+    """An axis whose reference is no finite number, as the end of a run names it."""
+    axis = next((a for a in stage.spec.axes if f"the reference of velocity.{a} " in text), None)
+    if axis is None:
+        return None
+    return Cause(
+        "its expression has no value there",
+        "keep its argument in range with max, min or clamp",
+        key_of(FILE.stages[stage.name].axes[axis]),
+    )
+
+
+def unfinished_path(moment: Moment) -> Cause | None:
+    """A stage without a guard whose path has not come to its end."""
+    if moment.value("path_done") > 0:
+        return None
+    travel = moment.value("travel")
+    return Cause(
+        f"its motion is not at its end, {show(travel, 'mm', 3)} from where the stage began",
+        "give it more time, or move faster",
+        motion_of(moment.stage),
+    )

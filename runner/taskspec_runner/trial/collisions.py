@@ -104,9 +104,9 @@ def collisions(trial: Trial) -> Iterator[Finding]:
         moment = Moment(trial, visit, row)
         yield warning(
             "TS428",
-            f"in stage {visit.stage!r}, {moment.when}, link {link!r} runs into {thing!r}, and "
-            f"comes {show(depth, 'mm', 2)} into it: in a run only the tool's end touches, a robot "
-            "does with all of itself",
+            f"in the trial, in stage {visit.stage!r} {moment.when}, link {link!r} runs into "
+            f"{thing!r}, and comes {show(depth, 'mm', 2)} into it: in a run only the tool's end "
+            "touches, a robot does with all of itself",
             motion_of(moment.stage),
             "lead the arm round it, start in another posture, or move the object",
         )

@@ -100,7 +100,8 @@ class Moment:
             self.value(f"velocity.{a}", last) - self.value(f"velocity.{a}", first)
             for a in self.axes
         ]
-        return np.nan_to_num(np.array(change)) / max(time, self.stage.context.period)
+        found: Vector = np.nan_to_num(np.array(change)) / max(time, self.stage.context.period)
+        return found
 
     @cached_property
     def pressed(self) -> str:

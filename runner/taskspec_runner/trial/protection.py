@@ -122,15 +122,15 @@ class _References:
         rows = np.argsort(-np.linalg.norm(values, axis=1), kind="stable")[:_WORKED_OUT]
         turned = np.kron(np.eye(2), stage.rotation)
         used = [axis.row for axis in AXES if axis in robot.axes]
-        found = []
+        turned_rates = []
         for row in rows:
             q = [
                 self._trial.history.columns[f"joint.{i + 1}.position"][self._visit.first + row]
                 for i in range(n)
             ]
             J = tip_jacobian(robot.pin, robot.tip_joint, robot.tip, np.array(q))
-            found.append(np.linalg.pinv(J[used]) @ (turned @ values[row])[used])
-        return rows, np.array(found)
+            turned_rates.append(np.linalg.pinv(J[used]) @ (turned @ values[row])[used])
+        return rows, np.array(turned_rates)
 
     def _column(self, name: str) -> Vector:
         """(k,) a column of the visit; zeros where it has no value."""
@@ -152,7 +152,7 @@ class _References:
         moment = Moment(self._trial, self._visit, self._visit.first + row + 1)
         return warning(
             "TS443",
-            f"in stage {self._visit.stage!r}, {moment.when}, {what} is to be "
+            f"in the trial, in stage {self._visit.stage!r} {moment.when}, {what} is to be "
             f"{show(float(value), dimension, 3)}, and the robot's protection has "
             f"{show(float(most), dimension, 5)} ({protection.source_of(group)}): its own "
             "controller stops there",
@@ -182,8 +182,9 @@ def fast_torques(trial: Trial) -> Iterator[Finding]:
     stage = moment.stage
     yield warning(
         "TS445",
-        f"the torque of joint {joint + 1} changes by {float(sizes[row, joint]):.3g} {unit} "
-        f"{'as' if begins else 'in'} stage {visit.stage!r} {'begins' if begins else moment.when}, "
+        f"in the trial, the torque of joint {joint + 1} changes by "
+        f"{float(sizes[row, joint]):.3g} {unit} {'as' if begins else 'in'} "
+        f"stage {visit.stage!r} {'begins' if begins else moment.when}, "
         f"and the robot's protection has {float(bounds[joint]):g} {unit} "
         f"({protection.source_of(rates)})",
         motion_of(stage) if stage.spec.axes or stage.spec.path else FILE.stages[visit.stage],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from taskspec.program.signals import entry_of
 from taskspec.program.stages.protected import PROTECTION, about_force
 from taskspec.rules.finding import Finding, Place, warning
 from taskspec.rules.places import motion_of
-from taskspec.spec import FILE
+from taskspec.spec import FILE, key_of
 from taskspec.spec.stage import OSCILLATION
 from taskspec.stability.sampled_stage import loop_of
 from taskspec.text.codes import register
@@ -72,6 +72,8 @@ _LIMIT_CODES = {
 }
 #: A mode that is damped less than this is the one that shows in a noisy signal.
 _PASSES_NOISE_ON = 0.3
+#: Share of a signal's greatest value below which its least one counts as zero.
+_NOTHING = 1e-6
 #: What helps where no cause can be read off the trial.
 _REMEDIES = {
     "TS422": "keep the arm bent: shorten the motion, or start elsewhere",
@@ -93,11 +95,12 @@ _REMEDIES = {
 def reported(trials: Sequence[Trial]) -> Iterator[Finding]:
     """The findings about trials of one world, each past the limit that stopped the one before.
 
-    What follows in the stage of a limit that was passed is its consequence, and left out.
+    What follows in the stage of a limit that was passed is its consequence, and left out; so is a
+    stop in the first ticks of the stage after it.
     """
     ended: set[str] = set()
     for each, further in zip(trials, [*trials[1:], None], strict=True):
-        if each.outcome.status not in ("done", OPEN) and each.outcome.stage not in ended:
+        if each.outcome.status not in ("done", OPEN) and not _follows(each, ended):
             yield _end(each, further)
         ended.add(each.outcome.stage)
     last = trials[-1]
@@ -113,6 +116,16 @@ def reported(trials: Sequence[Trial]) -> Iterator[Finding]:
     yield from _early_guards(trials[0])
 
 
+def _follows(trial: Trial, ended: Collection[str]) -> bool:
+    """Whether an end is the consequence of one in the stages that have ended already."""
+    outcome, transitions = trial.outcome, trial.transitions
+    if outcome.stage in ended:
+        return True
+    visit = _last_visit(trial, outcome.stage)
+    before = transitions[-2].stage if len(transitions) > 1 else ""
+    return visit is not None and before in ended and visit.last - visit.first < _FIRST_TICKS
+
+
 # --- how a trial ended ---------------------------------------------------------------------------
 
 
@@ -125,9 +138,12 @@ def _end(trial: Trial, further: Trial | None) -> Finding:
     own = FILE.stages[outcome.stage]
     does = "stops the run" if outcome.status == "stopped" else "fails"
     if visit is None:
-        return warning("TS621", f"in the trial, stage {stage.name!r} {does}: {outcome.text}", own)
+        text = f"in the trial, stage {stage.name!r} {does}: {outcome.text}"
+        return warning("TS621", text, key_of(own))
     moment = Moment(trial, visit)
     code, place, cause = _explained(moment, name, outcome.text)
+    if cause is not None and cause.place is not None and place == key_of(own):
+        place = cause.place
     text = f"in the trial, stage {stage.name!r} {does} {moment.when}: {outcome.text}"
     if further is not None:
         text += _peak(further, stage, name)
@@ -143,11 +159,14 @@ def _explained(moment: Moment, name: str, text: str) -> tuple[str, Place, Cause 
     """Code, place and cause of an end by the event of a name."""
     stage, own = moment.stage, FILE.stages[moment.stage.name]
     limits = stage.spec.limits
-    motion: Place = motion_of(stage) if stage.spec.axes or stage.spec.path else own
+    motion: Place = motion_of(stage)
     if name in ("force", "torque"):
         place = own.limits[name] if limits is not None and getattr(limits, name) else motion
         return _LIMIT_CODES[name], place, _of_force(moment)
-    if name in ("speed", "deviation"):
+    if name == "deviation":
+        place = own.limits[name] if limits is not None and getattr(limits, name) else motion
+        return _LIMIT_CODES[name], place, first_cause(moment, causes.runaway, causes.behind)
+    if name == "speed":
         place = own.limits[name] if limits is not None and getattr(limits, name) else motion
         return _LIMIT_CODES[name], place, first_cause(moment, *_MOTION_CAUSES)
     if name in ("joint_position", "joint_velocity"):
@@ -167,18 +186,23 @@ def _explained(moment: Moment, name: str, text: str) -> tuple[str, Place, Cause 
     if name in ("time", "travel"):
         return _of_bound(moment, name)
     if name == events.ATTEMPTS:
-        return "TS618", own, None
-    return "TS621", own, first_cause(moment, *_MOTION_CAUSES)
+        return "TS618", key_of(own), None
+    return (
+        "TS621",
+        key_of(own),
+        causes.no_number(text, stage) or first_cause(moment, *_MOTION_CAUSES),
+    )
 
 
 _FORCE_CAUSES = (
     causes.sensor_error,
+    causes.commanded,
     causes.blow,
     causes.mechanism,
     causes.runaway,
     causes.motion_into_contact,
 )
-_MOTION_CAUSES = (causes.runaway, causes.reference_speed)
+_MOTION_CAUSES = (causes.runaway, causes.reference_speed, causes.saturated)
 
 
 def _of_force(moment: Moment) -> Cause | None:
@@ -187,7 +211,7 @@ def _of_force(moment: Moment) -> Cause | None:
 
 def _of_joint(moment: Moment, name: str, text: str) -> Cause | None:
     """Why a joint came to its limit; `text` names it."""
-    found = causes.runaway(moment)
+    found = first_cause(moment, causes.runaway, causes.saturated)
     if found is not None:
         return found
     robot = moment.stage.context.robot
@@ -201,11 +225,13 @@ def _of_joint(moment: Moment, name: str, text: str) -> Cause | None:
 
 def _of_guard(moment: Moment, guard: Node) -> Cause | None:
     """Why a guard held, where it is about forces that are not those of a contact."""
-    after = min(moment.row + 1, len(moment.trial.history) - 1)
-    then = Moment(moment.trial, moment.visit, after)
+    named = _axes_of(guard)
+    # The tick in which it held is the first of the next stage; of the last stage it is not logged.
+    logged = moment.row + 1 < len(moment.trial.history)
+    then = Moment(moment.trial, moment.visit, moment.row + logged)
     if not _feels(guard):
         return None
-    return causes.sensor_error(then) or causes.sensor_error(moment)
+    return causes.sensor_error(then, named, reading=logged) or causes.sensor_error(moment, named)
 
 
 def _of_bound(moment: Moment, name: str) -> tuple[str, Place, Cause | None]:
@@ -213,10 +239,11 @@ def _of_bound(moment: Moment, name: str) -> tuple[str, Place, Cause | None]:
     stage, until = moment.stage, moment.stage.spec.until
     place = FILE.stages[stage.name].within[name]
     if until is None:
-        return "TS617" if name == "travel" else "TS611", place, None
+        code = "TS617" if name == "travel" else "TS611"
+        return code, place, causes.unfinished_path(moment)
     if _feels(until.tree) and (apart := causes.left_apart(moment)) is not None:
         return "TS617", place, apart
-    found = causes.sensor_error(moment) if _feels(until.tree) else None
+    found = causes.sensor_error(moment, _axes_of(until.tree)) if _feels(until.tree) else None
     code = "TS617" if name == "travel" else "TS611"
     return code, place, found or _extremes(moment, until.tree)
 
@@ -234,7 +261,12 @@ def _extremes(moment: Moment, guard: Node) -> Cause | None:
         values = values[np.isfinite(values)]
         entry = entry_of(moment.nominal, signal.path)
         if len(values) and entry is not None:
-            low, high = (show(float(x), entry.dimension, 3) for x in (values.min(), values.max()))
+            least, most = float(values.min()), float(values.max())
+            # What is nothing beside the other bound is shown as nothing.
+            nothing = _NOTHING * max(abs(least), abs(most))
+            low, high = (
+                show(x if abs(x) > nothing else 0.0, entry.dimension, 3) for x in (least, most)
+            )
             ranges.append(f"{signal} was {low} to {high}")
     if not ranges:
         return None
@@ -307,13 +339,19 @@ def _feels(node: Node) -> bool:
     return any(isinstance(n, Name) and {n.path[0], n.path[-1]} & sensed for n in walk(node))
 
 
+def _axes_of(guard: Node) -> frozenset[str]:
+    """The axes whose forces a guard is about; none for all of them."""
+    named = (n.path for n in walk(guard) if isinstance(n, Name))
+    return frozenset(path[-1] for path in named if len(path) > 1 and path[-2] == "force")
+
+
 # --- what is wrong with a run that ended well ----------------------------------------------------
 
 
 def _of_run(trial: Trial, finding: RunFinding) -> Finding:
     """An oscillation or a saturation of a stage."""
     stage = next(s.plan for s in trial.program.stages if s.name == finding.stage)
-    place = motion_of(stage) if stage.spec.axes or stage.spec.path else FILE.stages[stage.name]
+    place = motion_of(stage)
     oscillates = finding.kind == OSCILLATION
     return warning(
         "TS508" if oscillates else "TS427",
@@ -322,13 +360,13 @@ def _of_run(trial: Trial, finding: RunFinding) -> Finding:
         place,
         "lower the gains of its loop, or approach more slowly"
         if oscillates
-        else "command less, or start where the arm bears it better",
+        else "move more slowly, command or carry less, or start where the arm bears it better",
     )
 
 
 def _missed(trial: Trial, judged: Judged, place: Place | None) -> Finding:
     """An expectation that a trial misses."""
-    finders = (_error_at_break, _swinging, _noisy, _late)
+    finders = (_error_at_break, _blown, _swinging, _noisy, _commanded_outside, _late)
     cause = next((found for find in finders if (found := find(trial, judged)) is not None), None)
     text = f"the trial misses this: {judged.explanation}"
     hint = "change what moves the stage, or expect what it comes to"
@@ -345,6 +383,51 @@ def _error_at_break(trial: Trial, judged: Judged) -> Cause | None:
         return None
     visit = _last_visit(trial, judged.stage)
     return None if visit is None else causes.sensor_error(Moment(trial, visit))
+
+
+def _blown(trial: Trial, judged: Judged) -> Cause | None:
+    """A force whose greatest value is that of a touch with a speed."""
+    if not judged.signals or not all("force" in each.split(".") for each in judged.signals):
+        return None
+    visits = [v for v in trial.history.visits() if judged.stage in (None, v.stage)]
+    peaks = [
+        Moment(trial, visit, visit.first + int(np.argmax(sizes)))
+        for visit in visits
+        if len(sizes := _sizes_of_force(trial, visit))
+    ]
+    if not peaks:
+        return None
+    return causes.blow(max(peaks, key=lambda each: float(np.linalg.norm(each.force()))))
+
+
+def _sizes_of_force(trial: Trial, visit: Visit) -> np.ndarray:
+    """(k,) of the force in each tick of a visit [N]."""
+    moment = Moment(trial, visit)
+    columns = [moment.stretch(f"force.{axis}") for axis in moment.axes]
+    return np.linalg.norm(np.nan_to_num(columns), axis=0) if columns else np.zeros(0)
+
+
+def _commanded_outside(trial: Trial, judged: Judged) -> Cause | None:
+    """A signal whose set point itself leaves the band."""
+    reference = f"{judged.signal}.ref"
+    if judged.stage is None or judged.band is None or reference not in trial.history.columns:
+        return None
+    visit = _last_visit(trial, judged.stage)
+    if visit is None:
+        return None
+    moment = Moment(trial, visit)
+    entry = entry_of(moment.nominal, tuple(str(judged.signal).split(".")))
+    # In the first half a force may still be handed over.
+    values = moment.stretch(reference)
+    values = values[len(values) // 2 :]
+    low, high = (bound if bound is not None else math.nan for bound in judged.band)
+    if entry is None or not (np.any(values < low) or np.any(values > high)):
+        return None
+    least, most = (show(float(x), entry.dimension, 3) for x in (values.min(), values.max()))
+    return Cause(
+        f"its set point itself goes from {least} to {most}",
+        "widen this by what the set point changes, or expect its mean",
+    )
 
 
 def _swinging(trial: Trial, judged: Judged) -> Cause | None:

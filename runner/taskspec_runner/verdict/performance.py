@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from taskspec.explain import RestValue, rest_values
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.stage_solver import SolverCounts
 from taskspec.program.program import Program
@@ -14,7 +15,6 @@ from taskspec_runner.record.history import History
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.limit_effects import limit_effects
 from taskspec_runner.verdict.metrics import metrics, peaks, set_points
-from taskspec_runner.verdict.predicted import predicted
 from taskspec_runner.verdict.response import contact_losses, responses
 
 
@@ -38,15 +38,13 @@ def performance(
         solver: what it did, by stage.
 
     Returns:
-        `metrics`, `responses`, `contact`, `given_up`, `solver`, `predicted` and `peaks`, each by
+        `metrics`, `responses`, `contact`, `given_up`, `solver`, `rest_values` and `peaks`, each by
         stage [SI].
     """
-    period, predictions = program.context.period, predicted(program)
+    period = program.context.period
+    closed = {stage.name: rest_values(program, stage) for stage in program.stages}
     efforts = {stage.name: _efforts(stage, history) for stage in program.stages}
-    rests = {
-        name: _rest_values(predictions.get(name, {})) | dict.fromkeys(efforts[name])
-        for name in efforts
-    }
+    rests = {name: _targets(closed[name]) | dict.fromkeys(efforts[name]) for name in efforts}
     allowed = {(j.stage, j.signal): j.band for j in judged if j.stage and j.signal and j.band}
     return {
         "metrics": metrics(history, {s.name: s.plan.axes for s in program.stages}),
@@ -58,15 +56,17 @@ def performance(
             for name, counts in solver.items()
             if history.window(name).any()
         },
-        "predicted": predictions,
+        "rest_values": {
+            name: {signal: asdict(at) for signal, at in of_stage.items()}
+            for name, of_stage in closed.items()
+        },
         "peaks": peaks(history, [s.name for s in program.stages]),
     }
 
 
-def _rest_values(stage: Mapping[str, Any]) -> dict[str, float | None]:
-    """Efforts that are told to come to rest at a value that stays, and that value [SI]."""
-    rests = stage.get("equilibrium", {}).items()
-    return {name: at["value"] for name, at in rests if at["low"] == at["high"] and at["value"]}
+def _targets(closed: Mapping[str, RestValue]) -> dict[str, float | None]:
+    """The values at rest of signals that do not come to rest at zero [SI]."""
+    return {name: at.value for name, at in closed.items() if at.value}
 
 
 def _efforts(stage: CompiledStage, history: History) -> list[str]:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import casadi as ca
-import numpy as np
 
 from taskspec.control.reference import Reference
 from taskspec.deferred_methods import dataclass
-from taskspec.geometry.axis import AXES, Axis
+from taskspec.geometry.axis import Axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,4 +40,7 @@ class ReferenceSet:
 
     def six(self, values: Mapping[Axis, ca.SX]) -> ca.SX:
         """(6,) in the order of the axes, NaN where there is no value."""
-        return ca.vertcat(*(values.get(a, ca.SX(np.nan)) for a in AXES))
+        found = ca.SX.nan(6)
+        for a, value in values.items():
+            found[a.row] = value
+        return found

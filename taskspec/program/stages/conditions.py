@@ -21,9 +21,10 @@ from taskspec.spec import Limits, Stage
 from taskspec.text.expression import Expression
 from taskspec.text.units import LENGTH, TIME, show
 
-#: Below this pivot of J H^-1 J^T [1/kg, 1/(kg m^2)] an axis feels like ten tonnes: singular.
+#: Below this pivot of J H^-1 J^T [1/kg, 1/(kg m^2)] an axis has an effective mass of ten tonnes:
+#: singular.
 SINGULAR = 1e-4
-#: An axis that feels a hundredth of the mass that stops the run is near a singularity.
+#: An axis with a hundredth of the effective mass that stops the run is near a singularity.
 NEAR_SINGULAR = 100 * SINGULAR
 _SLACK = 1e-9
 
@@ -65,23 +66,7 @@ def limit_conditions(
                 beyond = _counting(name, beyond, measurement, plan.context.period)
             event = Event(kind, name, text, then=then if kind == events.REACTION else "")
             found.append(Condition(event, beyond, value))
-    for i, joint in enumerate(robot.joint_names):
-        low, high, fastest = robot.lower[i], robot.upper[i], robot.velocity_limit[i]
-        outside = ca.fmax(low - q[i], q[i] - high)
-        found.append(
-            Condition(
-                Event(events.LIMIT, "joint_position", f"position limit of joint {i + 1} ({joint})"),
-                outside > _SLACK,
-                q[i],
-            )
-        )
-        found.append(
-            Condition(
-                Event(events.LIMIT, "joint_velocity", f"velocity limit of joint {i + 1} ({joint})"),
-                ca.fabs(v[i]) > fastest,
-                v[i],
-            )
-        )
+    found += _joint_limits(robot, q, v)
     if plan.joint_path is not None:
         return found  # Neither a singularity nor a frame is in the way of joints.
     pivot = ca.mmin(ca.diag(linear.cholesky(measurement.state.mobility))) ** 2
@@ -101,6 +86,19 @@ def limit_conditions(
         text = f"the tool came to the axis of {frame.mechanism.name!r}, where {frame.name!r} ends"
         found.append(Condition(Event(events.LIMIT, "frame_left", text), margin < 0, margin))
     return found
+
+
+def _joint_limits(robot: RobotModel, q: ca.SX, v: ca.SX) -> Iterator[Condition]:
+    """Limits of the joints' positions and velocities, joint after joint."""
+    outside = ca.fmax(ca.DM(robot.lower) - q, q - ca.DM(robot.upper)) > _SLACK
+    fast = ca.fabs(v) > ca.DM(robot.velocity_limit)
+    columns = (ca.vertsplit(column) for column in (outside, q, fast, v))
+    for i, (beyond, at, faster, rate) in enumerate(zip(*columns, strict=True), 1):
+        joint = f"joint {i} ({robot.joint_names[i - 1]})"
+        position = Event(events.LIMIT, "joint_position", f"position limit of {joint}")
+        yield Condition(position, beyond, at)
+        velocity = Event(events.LIMIT, "joint_velocity", f"velocity limit of {joint}")
+        yield Condition(velocity, faster, rate)
 
 
 def resting(limit: str) -> str:
@@ -152,7 +150,7 @@ def stage_conditions(plan: StagePlan, measurement: Measurement, period: float) -
 
 
 def _by_way(stage: Stage, end: Condition, measurement: Measurement) -> Iterator[Condition]:
-    """An end as one event for each way on: of those that hold, the first one counts."""
+    """An end as one event for each branch: of those that hold, the first one counts."""
     for number, branch in enumerate(stage.next[:-1]):
         assert branch.when is not None
         text = f"{end.event.text}; {branch.when}"

@@ -9,6 +9,11 @@ from taskspec.program.plan import StagePlan
 from taskspec.program.ports import HANDED, fields, slices
 from taskspec.program.reference.orientation import displaced
 
+#: Outputs that a stage is left by, besides those that are handed on as they are.
+_LEFT = (
+    *("tip", "tip_rotation", "offset", "frame", "error"),
+    *("velocity", "velocity_ref", "force", "force_ref"),
+)
 #: Numbers of what is handed over.
 SIZE = sum(length for _, length in HANDED)
 
@@ -21,13 +26,15 @@ def leaving(plan: StagePlan) -> ca.Function:
     """
     size = sum(length for _, length in fields(len(plan.context.equations)))
     outputs, clock = ca.SX.sym("outputs", size), ca.SX.sym("clock")
-    at = {name: outputs[where] for name, where in slices(fields(0)).items()}
+    places = slices(fields(0))
+    names = (*(name for name, _ in HANDED if name in places), *_LEFT)
+    at = {name: outputs[places[name]] for name in names}
     R, frame = (ca.reshape(at[name], 3, 3) for name in ("tip_rotation", "frame"))
-    error, twist, held, asked = (ca.SX.zeros(6) for _ in range(4))
+    error, twist, held, commanded = (ca.SX.zeros(6) for _ in range(4))
     for name, axis in plan.plans.items():
         i = AXES.index(name)
         if axis.set_point:
-            held[i], asked[i] = at["force"][i], at["force_ref"][i]
+            held[i], commanded[i] = at["force"][i], at["force_ref"][i]
         tracked = axis.motion and not axis.force and not axis.open_loop
         error[i] = at["error"][i] if tracked else 0.0
         twist[i] = at["velocity_ref" if tracked else "velocity"][i]
@@ -42,7 +49,7 @@ def leaving(plan: StagePlan) -> ca.Function:
         "R": ca.vec(R_ref),
         "twist": own,
         "held": ca.vertcat(frame @ held[:3], frame @ held[3:]),
-        "asked": ca.vertcat(frame @ asked[:3], frame @ asked[3:]),
+        "commanded": ca.vertcat(frame @ commanded[:3], frame @ commanded[3:]),
         "angle": at["angle"],
         "same": ca.SX(0),
         "track": at["track"],

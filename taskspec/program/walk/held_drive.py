@@ -35,7 +35,7 @@ _STEPS = 1000
 _HORIZON = 60.0
 #: An axis that has less of the pseudoinverse's row does not drive the mechanism alone.
 _ALONE = 0.9
-#: From here on a moment at the joints does not tell what an axis is damped with.
+#: From here on a moment at the joints does not determine the damping of an axis.
 _SINGULAR = 1e8
 
 
@@ -153,13 +153,13 @@ def _springs(stage: StagePlan, T: Vector, inside: Vector) -> _Loop | None:
     wrench = np.diag(K)[:3], error[:3], L[:3] * accelerates
     moves = -wrench[0] @ inside, -wrench[1] @ inside - drag[:3] @ T, -L[:3] @ T
     loop = _Loop(T.T @ L @ T, damper, pull[0] @ inside, pull, wrench, moves)
-    # As the arm turns with a mechanism, damped joints press across its way with something else.
+    # As the arm turns with a mechanism, damped joints press across its motion with something else.
     turns = law.damps_joints and stage.context.mechanisms[stage.context.held].angular
     return replace(loop, references=None) if turns else loop
 
 
 def _form(stage: StagePlan, T: Vector, inside: Vector, moved: list[Axis]) -> _Loop | None:
-    """The form for a held mechanism, whose one way one axis drives (`laws.mechanism_form`).
+    """The form for a held mechanism, whose one direction one axis drives (`laws.mechanism_form`).
 
     F = L T s'' + S_m^T M_mm^-1 K_P (e - T T_m^+ e_m),
     s'' = T_m^+ (x''_d + K_P e + K_D (x_d' - T s')).
@@ -236,7 +236,7 @@ def _followed(loop: _Loop, pulled: Vector, friction: float, step: float) -> Vect
 
 
 def _one(loop: _Loop, pulled: Vector, friction: float, step: float) -> Vector:
-    """(1, n) the same of one way."""
+    """(1, n) the same of one direction."""
     m, d, k = (float(each[0, 0]) for each in (loop.M, loop.D, loop.K))
     m, a = m / step, 1 / (m / step + d + step * k)
     x = v = 0.0

@@ -15,7 +15,7 @@ from taskspec.robot import RobotModel
 
 Vector = NDArray[np.float64]
 
-#: Instants at which a path is looked at.
+#: Instants at which a path is sampled.
 _INSTANTS = 61
 
 

@@ -1,4 +1,4 @@
-"""Where the tool is expected to be in each stage, as far as the text of a task tells."""
+"""Where the tool is expected to be in each stage, as far as the text of a task determines it."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from taskspec.text.units import show
 
 Vector = NDArray[np.float64]
 
-#: Nearer than this, a stage begins at its surface; farther away nothing is felt [m].
+#: Nearer than this, a stage begins at its surface; farther away nothing is measured [m].
 AT_SURFACE = 0.5e-3
-#: Drawn configurations from which a place that seems out of reach is looked for once more.
+#: Drawn configurations from which a place that seems out of reach is searched once more.
 _RESTARTS = 10
-#: Places of one task that are looked for so; the time that a task takes to check is bounded by it.
+#: Places of one task that are searched so; the time that a task takes to check is bounded by it.
 _SEARCHES = 8
 #: Slower than this is what rounding makes of an axis that is held [m/s, rad/s].
-_STILL = 1e-6
+_RATE_ROUNDING = 1e-6
 #: Of a difference quotient, as a share of the duration.
 _STEP = 1e-4
 
@@ -47,8 +47,8 @@ def _missed(error: Vector) -> str:
 class NominalWalk:
     """Goes through the stages in the order of the file, from the start pose.
 
-    Stages that press, or move towards their surface until something is felt, close the gap along
-    their way; planned motions end where they lead. What ends by other guards, turns with a
+    Stages that press, or move towards their surface until a force is measured, close the gap along
+    their path; planned motions end where they lead. What ends by other guards, turns with a
     mechanism or follows a curved surface leaves the place unknown for the stages after it.
     """
 
@@ -143,10 +143,10 @@ class NominalWalk:
         fast = next((i for i in on_way if np.any(np.abs(i.v) > robot.velocity_limit)), None)
         swift = next((i for i in on_way if np.linalg.norm(i.twist[:3]) > speed), None)
         stiff = next((i for i in on_way if i.pivot < NEAR_SINGULAR), None)
-        looked = {i.time: i for i in (fast, swift, stiff) if i is not None}
-        for _, i in sorted(looked.items()):
+        instants = {i.time: i for i in (fast, swift, stiff) if i is not None}
+        for _, i in sorted(instants.items()):
             rates = {a: float(i.twist[a.row]) for a in stage.axes}
-            rates = {a: rate if abs(rate) > _STILL else 0.0 for a, rate in rates.items()}
+            rates = {a: rate if abs(rate) > _RATE_ROUNDING else 0.0 for a, rate in rates.items()}
             yield Place(i.words, i.frame, i.q, {} if i is stiff else rates)
 
     @property
@@ -154,7 +154,7 @@ class NominalWalk:
         return self._context.loaded.task.robot.grasp is not None
 
     def _meet(self, stage: StagePlan, passage: Passage | None) -> None:
-        """Where the arm ends is where the tool is, if nothing else tells that."""
+        """Where the arm ends is where the tool is, if nothing else determines that."""
         arm = self._arm
         if self._jumps(stage):
             arm.known = False
@@ -174,7 +174,7 @@ class NominalWalk:
         return frame.surface is None or frame.surface.flat
 
     def _to_surface(self, stage: StagePlan) -> bool:
-        """Whether the way to the surface is straight: also along the normal of a curved one."""
+        """Whether the path to the surface is straight: also along the normal of a curved one."""
         follows = stage.frame.surface is not None and stage.moving_base is None
         return self._straight(stage) or (
             follows and list(moving_axes(stage.spec)) == ["z"] and not stage.frame.at_origin
@@ -257,7 +257,7 @@ class NominalWalk:
             q, missed = self._joints(p, R)
             yield Place(words, turned, q, dict(rates) | speeds, missed)
             if missed:
-                self._known = False  # What comes after it would only be told again.
+                self._known = False  # What comes after it would only be reported again.
                 return
 
     def _start_coordinates(self, stage: StagePlan) -> dict[Axis, float]:
@@ -288,7 +288,7 @@ class NominalWalk:
         if self._straight(stage) and not jumps:
             self._twist = twist_of(rates_at_end(stage, course), rotation)
         if moved and stage.spec.repeat > 1 and any(moved.values()):
-            moved = None  # Where it ends the last time depends on how it turns on the way.
+            moved = None  # Where it ends the last time depends on how it turns meanwhile.
         if moved is None or jumps or not all(map(math.isfinite, moved.values())):
             self._known = False
         elif any(moved.values()):

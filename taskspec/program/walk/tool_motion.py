@@ -107,7 +107,7 @@ def _lever(stage: StagePlan, p: Vector, R: Vector) -> Vector:
 
 
 def _pressed_on(stage: StagePlan) -> tuple[str, Axis, float] | None:
-    """The object that may end under the tool, the axis that presses on it, and which way."""
+    """The object that may end under the tool, the axis that presses on it, and its sign."""
     if len(stage.contacts.forces) != 1 or not stage.frame.still:
         return None
     (axis,) = stage.contacts.forces
@@ -168,7 +168,7 @@ class OnSurface:
 
 @dataclass(frozen=True, slots=True)
 class _Point:
-    """Time [s], coordinate [rad, m] and displacement of the references at one point of the way."""
+    """Time [s], coordinate [rad, m] and displacement of the references at one point of the path."""
 
     time: float
     coordinate: float
@@ -328,7 +328,7 @@ def _weight(strain: Strain) -> float:
 
 
 def _stiffness(stage: StagePlan, axis: Axis) -> float:
-    """What a motion axis presses with against the grip [N/m, N m/rad]; 0 where it gives way."""
+    """What a motion axis presses with against the grip [N/m, N m/rad]; 0 where it yields."""
     plan = stage.plans[axis]
     # A force that displaces a spring leaves the spring where it is: it holds on.
     if not plan.motion or plan.force or plan.mode.name == "follows":

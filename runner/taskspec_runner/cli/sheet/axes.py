@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from taskspec.deferred_methods import dataclass
+from taskspec.explain import Natural, State
 from taskspec.geometry.axis import Axis
-from taskspec.prediction import Natural, StagePrediction, State
 from taskspec.program.program import Program
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.stages.stage import CompiledStage
@@ -30,12 +30,9 @@ class AxisRow:
     by: str
 
 
-def axis_row(
-    program: Program, stage: CompiledStage, predicted: StagePrediction, axis: Axis
-) -> AxisRow:
-    """One axis of a stage's frame."""
-    plan = stage.plan.plans[axis]
-    world = next(n for n in predicted.natural if n.axis == axis)
+def axis_row(program: Program, stage: CompiledStage, world: Natural) -> AxisRow:
+    """One axis of a stage's frame, and what the world imposes there."""
+    axis, plan = world.axis, stage.plan.plans[world.axis]
     by = ", ".join([_enforcer(stage, plan, world), *_remarks(stage, plan, world)])
     return AxisRow(axis, _natural(program, world), _artificial(stage, axis, plan), by)
 

@@ -1,4 +1,4 @@
-"""What the links of the arm are held against before a run, and what is left out of that."""
+"""What the links of the arm are held against in a trial, and what is left out of that."""
 
 from __future__ import annotations
 
@@ -15,8 +15,4 @@ def collision_rows(program: Program) -> Iterator[tuple[str, str]]:
         return
     parts = [f"links are held against {', '.join(around.names)}"] if around.names else []
     parts += [f"not against {name}, which {why}" for name, why in around.left_out.items()]
-    if around.names:
-        unknown = [repr(s.name) for s in program.stages if not around.knows(s.plan)]
-        whose = "whose way is" if len(unknown) == 1 else "whose ways are"
-        parts += [f"not in {', '.join(unknown)}, {whose} not known"] if unknown else []
     yield "collisions", "; ".join(parts)

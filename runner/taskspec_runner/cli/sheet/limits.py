@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from taskspec.prediction.returned_forces import returned_at_start
+from taskspec.explain.returned_forces import returned_at_start
 from taskspec.program.program import Program
 from taskspec.program.reference.infeasible_forces import is_moment
 from taskspec.program.stages.stage import CompiledStage

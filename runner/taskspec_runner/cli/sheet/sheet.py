@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 
 from taskspec.deferred_methods import dataclass
-from taskspec.prediction import Extreme, StagePrediction, TaskPrediction, look, predict
 from taskspec.program.program import Program
 from taskspec_runner.cli.sheet.collisions import collision_rows
 from taskspec_runner.cli.sheet.defaults import default_rows
 from taskspec_runner.cli.sheet.objects import object_rows
-from taskspec_runner.cli.sheet.predicted import duration_text
 from taskspec_runner.cli.sheet.stability import StabilitySheet, stability_sheet
 from taskspec_runner.cli.sheet.stage import (
     FrameRow,
@@ -24,7 +22,9 @@ from taskspec_runner.cli.sheet.stage import (
     robot_rows,
     stage_sheet,
 )
+from taskspec_runner.cli.sheet.visits import how_it_ended, stage_trials
 from taskspec_runner.record.folder import plain
+from taskspec_runner.trial.trial import Trial
 
 Pairs = tuple[tuple[str, str], ...]
 
@@ -36,50 +36,60 @@ class Sheet:
     Attributes:
         name, about: of the task.
         robot, world, defaults: pairs of a name and what it is.
-        duration: of the run.
         frames: all of them.
         stages: in order, with their poles and bounds where they touch or hold something.
-        expected: expectations as written.
-        prediction: the numbers behind it.
+        expected: expectations as written, and what the trial made of each; empty without one.
+        trial: of the program; None where it was left out.
+        how: the trial came to its end, or why there is none.
     """
 
     name: str
     about: str
     robot: Pairs
-    duration: str
     world: Pairs
     frames: tuple[FrameRow, ...]
     stages: tuple[tuple[StageSheet, StabilitySheet | None], ...]
-    expected: tuple[str, ...]
+    expected: Pairs
     defaults: Pairs
-    prediction: TaskPrediction
+    trial: Trial | None
+    how: str
 
 
-def sheet(program: Program) -> Sheet:
-    """The sheet of a task."""
+def sheet(program: Program, trial: Trial | None, why_none: str = "") -> Sheet:
+    """The sheet of a task.
+
+    Args:
+        program: the compiled task.
+        trial: of it, in the file's own world; None to tell what the plan has alone.
+        why_none: why there is none, in words.
+    """
     task = program.context.loaded.task
-    looked = {stage.name: look(program, stage.name) for stage in program.stages}
-    prediction = predict(program, looked)
+    came_to = {} if trial is None else stage_trials(trial)
     stages = tuple(
         (
-            stage_sheet(program, stage, prediction[stage.name]),
-            stability_sheet(program, looked[stage.name]),
+            stage_sheet(program, stage, trial, came_to.get(stage.name)),
+            stability_sheet(program, stage.name),
         )
         for stage in program.stages
     )
-    lasting = prediction.duration
-    why = f": {lasting.why}" if lasting.expected is None else ""
+    if trial is None:
+        expected = tuple((each.title, "") for each in task.expect)
+    else:
+        expected = tuple(
+            (each.title, f"{'missed: ' if each.missed else ''}{each.explanation}")
+            for each in trial.judged
+        )
     return Sheet(
         name=task.name,
         about=task.about or "",
         robot=(*robot_rows(program), *collision_rows(program)),
-        duration=duration_text(lasting) + why,
         world=tuple(object_rows(program)),
         frames=frame_rows(program),
         stages=stages,
-        expected=tuple(expectation.title for expectation in task.expect),
+        expected=expected,
         defaults=tuple(default_rows(program)),
-        prediction=prediction,
+        trial=trial,
+        how=why_none if trial is None else how_it_ended(trial),
     )
 
 
@@ -91,16 +101,16 @@ def as_data(made: Sheet) -> dict[str, Any]:
         "robot": _named(made.robot),
         "world": dict(made.world),
         "frames": [asdict(frame) for frame in made.frames],
+        "trial": None if made.trial is None else _trial(made.trial) | {"how": made.how},
         "stages": [
-            asdict(stage)
+            _open(stage)
             | {"kept": dict(stage.kept), "ends": _named(stage.ends)}
             | {"selection": dict(stage.selection)}
+            | {"trial": None if stage.trial is None else stage.trial.as_data()}
             | {"stability": None if stability is None else asdict(stability)}
-            | {"prediction": _prediction(made.prediction[stage.name])}
             for stage, stability in made.stages
         ],
-        "duration": asdict(made.prediction.duration),
-        "expect": list(made.expected),
+        "expect": [text for text, _ in made.expected],
         "defaults": dict(made.defaults),
     }
     plain_data: dict[str, Any] = plain(found)
@@ -112,22 +122,22 @@ def _named(pairs: Pairs) -> list[dict[str, str]]:
     return [{"name": name, "value": value} for name, value in pairs]
 
 
-def _prediction(stage: StagePrediction) -> dict[str, Any]:
-    """The numbers of a stage [SI], with those that follow from others."""
-    found = _open(stage)
-    assert isinstance(found, dict)
-    if stage.impact is not None:
-        found["impact"]["peak"] = stage.impact.peak
-    for axis, mode in stage.settling.items():
-        found["settling"][axis]["settling_time"] = mode.settling_time
-    return found
+def _trial(trial: Trial) -> dict[str, Any]:
+    """How a trial ended [SI]."""
+    outcome = trial.outcome
+    return {
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "stage": outcome.stage,
+        "duration": outcome.clock,
+        "exit_code": trial.exit_code,
+        "expectations": [each.as_data() for each in trial.judged],
+        "findings": [each.as_data() for each in trial.findings],
+    }
 
 
 def _open(value: Any) -> Any:
-    """Dataclasses as mappings; a value of `vary` by its path, with its component if it has one."""
-    if isinstance(value, Extreme):
-        parts = [{"path": p, "index": i, "value": v} for (p, i), v in value.values.items()]
-        return {"value": value.value, "with": parts}
+    """Dataclasses as mappings, arrays as lists."""
     if is_dataclass(value):
         return {f.name: _open(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, Mapping):

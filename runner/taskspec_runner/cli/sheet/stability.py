@@ -10,12 +10,11 @@ import numpy as np
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.conditions import StabilityCondition
 from taskspec.laws.law import gain_named
-from taskspec.prediction import Looked
 from taskspec.program.program import Program
 from taskspec.stability.gain_paths import turns
 from taskspec.stability.loop import Mode, UnfitError
 from taskspec.stability.margin import MOTION, Limit, Search, grows, rings
-from taskspec.stability.sampled_stage import SampledStage
+from taskspec.stability.sampled_stage import SampledStage, loop_of
 from taskspec.stability.textbook import conditions
 from taskspec.text.units import FORCE, STIFFNESS, TIME, number, scaled, show
 
@@ -59,23 +58,21 @@ class StabilitySheet:
     bounds: tuple[BoundRow, ...]
 
 
-def stability_sheet(program: Program, looked: Looked | None) -> StabilitySheet | None:
-    """One stage; None where it cannot be looked at, or is free and far from every bound.
-
-    Args:
-        program: the task.
-        looked: the stage's sampled loop.
-    """
-    if looked is None:
+def stability_sheet(program: Program, name: str) -> StabilitySheet | None:
+    """A stage by its name; None where it controls joints, or is free and far from every bound."""
+    if program.plan.stages[name].joint_path is not None:
         return None
-    sampled = looked.sampled
     try:
+        sampled = loop_of(program.plan, name)
+        if sampled is None:
+            return None
+        modes = sampled.modes()
         bounds = tuple(_bounds(program, sampled))
     except (UnfitError, np.linalg.LinAlgError):
         return None
     if not (bounds or sampled.pressed or sampled.stage.plan.contacts.held):
         return None
-    return StabilitySheet(_where(sampled), tuple(_poles(sampled, looked.modes)), bounds)
+    return StabilitySheet(_where(sampled), tuple(_poles(sampled, modes)), bounds)
 
 
 def _where(sampled: SampledStage) -> str:

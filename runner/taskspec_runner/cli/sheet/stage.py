@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from taskspec.deferred_methods import dataclass
+from taskspec.explain import Natural, Selection, natural, rest_values, selection
 from taskspec.laws.law import gain_named
-from taskspec.prediction import StagePrediction
 from taskspec.program.execution.transition import is_good
 from taskspec.program.program import Program
 from taskspec.program.stages.null_space import goals
@@ -17,10 +17,13 @@ from taskspec.program.world.stiffness import GRIP
 from taskspec.robot.types import RobotModel
 from taskspec.stability.gain_paths import turns
 from taskspec.text.units import MASS, STIFFNESS, in_unit, number, scaled, show
+from taskspec_runner.cli.sheet.at_rest import RestRow, rest_rows
 from taskspec_runner.cli.sheet.axes import AxisRow, axis_row, equation_row
 from taskspec_runner.cli.sheet.limits import limit_rows
-from taskspec_runner.cli.sheet.predicted import PredictedRow, predicted_rows, selection_rows
 from taskspec_runner.cli.sheet.protection import protection_rows
+from taskspec_runner.cli.sheet.selection import selection_rows
+from taskspec_runner.cli.sheet.visits import StageTrial
+from taskspec_runner.trial.trial import Trial
 
 _LIMIT = "limit on "
 
@@ -37,7 +40,7 @@ class GainRow:
 
 @dataclass(frozen=True, slots=True)
 class StageSheet:
-    """A stage: its law and frame, its axes, what is expected of it, its gains and its ends."""
+    """A stage: its law and frame, its axes, what it came to, its gains and its ends."""
 
     name: str
     law: str
@@ -48,10 +51,13 @@ class StageSheet:
     kept: tuple[tuple[str, str], ...]
     selection: tuple[tuple[str, str], ...]
     axes: tuple[AxisRow, ...]
-    expected: tuple[PredictedRow, ...]
+    trial: StageTrial | None
+    at_rest: tuple[RestRow, ...]
     gains: tuple[GainRow, ...]
     ends: tuple[tuple[str, str], ...]
     tare: bool
+    natural: tuple[Natural, ...]
+    selected: Selection | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,10 +130,13 @@ def frame_rows(program: Program) -> tuple[FrameRow, ...]:
     )
 
 
-def stage_sheet(program: Program, stage: CompiledStage, predicted: StagePrediction) -> StageSheet:
-    """One stage, and what it is expected to do."""
-    selected = predicted.selection
-    controlled = stage.plan.axes if stage.plan.joint_path is None else ()
+def stage_sheet(
+    program: Program, stage: CompiledStage, trial: Trial | None, came_to: StageTrial | None
+) -> StageSheet:
+    """One stage, and what it came to in a trial of the program; None for both without one."""
+    in_axes = stage.plan.joint_path is None
+    selected = selection(stage.plan) if in_axes else None
+    imposed = natural(stage.plan) if in_axes else ()
     return StageSheet(
         name=stage.name,
         law=stage.plan.law.kind,
@@ -138,13 +147,16 @@ def stage_sheet(program: Program, stage: CompiledStage, predicted: StagePredicti
         kept=tuple(limit_rows(program, stage)),
         selection=() if selected is None else selection_rows(selected),
         axes=(
-            *(axis_row(program, stage, predicted, axis) for axis in controlled),
+            *(axis_row(program, stage, world) for world in imposed),
             *(equation_row(program, stage, name) for name in stage.plan.active),
         ),
         gains=tuple(_gains(program, stage)),
         ends=tuple(_ends(program, stage)),
-        expected=tuple(predicted_rows(program.context.loaded.task, predicted)),
+        trial=came_to,
+        at_rest=tuple(rest_rows(stage, rest_values(program, stage), trial)),
         tare=stage.plan.spec.tare,
+        natural=imposed,
+        selected=selected,
     )
 
 

@@ -1,0 +1,16 @@
+"""What a plan tells of its stages in closed form: their constraints, and forces at rest."""
+
+from taskspec.explain.natural import Natural, natural
+from taskspec.explain.reactions import State
+from taskspec.explain.rest import RestValue, rest_values
+from taskspec.explain.selection import Selection, selection
+
+__all__ = [
+    "Natural",
+    "RestValue",
+    "Selection",
+    "State",
+    "natural",
+    "rest_values",
+    "selection",
+]
