@@ -28,12 +28,9 @@ def test_a_trial_agrees_with_the_run_of_a_shipped_task(path, tmp_path):
     summary = run.summary
     assert tried.outcome.status == summary["status"]
     assert tried.outcome.ticks == summary["ticks"]
-    assert summary["ending"] == {
-        "reason": tried.outcome.reason,
-        "text": summary["ending"]["text"],
-        "stage": tried.outcome.stage,
-        "clock": tried.outcome.clock,
-    }
+    ending = summary["ending"]
+    assert (tried.outcome.reason, tried.outcome.stage) == (ending["reason"], ending["stage"])
+    assert tried.outcome.clock == ending["clock"]
     assert [each.as_data() for each in tried.judged] == summary["expectations"]
     assert [each.as_data() for each in tried.findings] == summary["findings"]
     assert tried.exit_code == summary["exit_code"]
