@@ -48,7 +48,7 @@ class Follows(AxisMode):
     leads = False
 
     def reference(self, at: ReferenceInputs) -> OwnReference:
-        """r = r_0 + ratio times the leader's way, or times the angle, since the stage start.
+        """r = r_0 + ratio times the leader's displacement or angle since the stage start.
 
         A measured angle gives no acceleration.
         """

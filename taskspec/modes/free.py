@@ -1,4 +1,4 @@
-"""`free`: an axis that gives way to any force."""
+"""`free`: an axis that yields to any force."""
 
 from __future__ import annotations
 

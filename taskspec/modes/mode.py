@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 #: A number, or an expression of what is known when a stage is entered.
 Number = Any
 #: Displacement [m, rad] against time [s].
-Way = Callable[[float], float]
+Displacement = Callable[[float], float]
 #: What an expression is worth before a run, at given clocks; None where nothing tells.
 Known = Callable[[Expression, Mapping[str, float] | None], float | None]
 
@@ -252,7 +252,7 @@ class AxisMode(ABC):
         travels: whether it goes away from where it starts, in one direction.
         goes_on: whether it keeps its rate for as long as the stage lasts.
         placed: whether its value is a coordinate of the frame.
-        bends: whether its rate changes on the way.
+        bends: whether its rate changes meanwhile.
         leads: whether another axis may follow its reference.
         lets_go: whether nothing holds it: laws without a force loop give it no stiffness.
     """
@@ -354,14 +354,14 @@ class AxisMode(ABC):
         return self.constant_rate(known)
 
     def intended_rate(self, known: Known) -> float | None:
-        """Rate at which it goes most of its way [m/s, rad/s]; None where that is not known."""
+        """Rate over most of its displacement [m/s, rad/s]; None where that is not known."""
         return self.constant_rate(known)
 
     def heading(self, known: Known) -> float | None:  # noqa: ARG002
         """A number with the sign of the direction in which it goes; None where nothing tells."""
         return None
 
-    def way(self, known: Known, start: float) -> Way | None:  # noqa: ARG002
+    def displacement(self, known: Known, start: float) -> Displacement | None:  # noqa: ARG002
         """Displacement of its own reference against its time, where it has no track.
 
         None where that is not known.
@@ -396,7 +396,7 @@ class AxisMode(ABC):
         Args:
             axis: which.
             rate: symbol of its rate.
-            turns: whether its frame turns on the way.
+            turns: whether its frame turns meanwhile.
         """
 
     def defaults(self, axis: Axis) -> Iterator[tuple[str, str]]:  # noqa: ARG002

@@ -9,12 +9,12 @@ from taskspec.deferred_methods import dataclass
 from taskspec.modes.key import ModeKey
 from taskspec.modes.mode import (
     AxisMode,
+    Displacement,
     HandOver,
     Known,
     OwnReference,
     ReferenceInputs,
     StageStart,
-    Way,
     from_start,
 )
 from taskspec.motion import blend
@@ -86,7 +86,7 @@ class Velocity(AxisMode):
         """v, where it is known and not zero."""
         return known(self.velocity, None) or None
 
-    def way(self, known: Known, start: float) -> Way | None:  # noqa: ARG002
+    def displacement(self, known: Known, start: float) -> Displacement | None:  # noqa: ARG002
         """v, risen from nothing."""
         speed = known(self.velocity, None)
         return None if speed is None else lambda time: speed * blend.from_rest(time)

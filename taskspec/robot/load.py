@@ -71,7 +71,7 @@ def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """A `PoseLike` that can be looked up."""
+    """A hashable `PoseLike`."""
 
     xyz: tuple[float, ...]
     rpy: tuple[float, ...]
@@ -79,7 +79,7 @@ class _Placed:
 
 @dataclass(frozen=True, slots=True)
 class _Carrier:
-    """A `FlangeLike` that can be looked up."""
+    """A hashable `FlangeLike`."""
 
     body: str | None
     xyz: tuple[float, ...]
@@ -88,7 +88,7 @@ class _Carrier:
 
 @dataclass(frozen=True, slots=True)
 class _Mounted:
-    """A `ToolLike` that can be looked up."""
+    """A hashable `ToolLike`."""
 
     shape: str
     radius: float | None
@@ -100,7 +100,7 @@ class _Mounted:
 
 @dataclass(frozen=True, slots=True)
 class _Section:
-    """A `RobotLike` that can be looked up."""
+    """A hashable `RobotLike`."""
 
     model: str
     flange: _Carrier | None

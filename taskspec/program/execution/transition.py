@@ -90,7 +90,7 @@ def leads_to(stage: Stage, event: Event, following: str) -> str:
     if event.is_limit:
         return event.then
     if is_good(event):
-        return stage.ways(following)[event.way]
+        return stage.targets(following)[event.branch]
     return stage.on_fail or FAIL
 
 

@@ -9,7 +9,7 @@ from taskspec.program.plan import StagePlan
 from taskspec.program.ports import HANDED, fields, slices
 from taskspec.program.reference.orientation import displaced
 
-#: Outputs that a stage is left by, besides those that are handed on as they are.
+#: Outputs that a stage is left by, in addition to those that are handed on as they are.
 _LEFT = (
     *("tip", "tip_rotation", "offset", "frame", "error"),
     *("velocity", "velocity_ref", "force", "force_ref"),

@@ -136,13 +136,13 @@ class NominalWalk:
 
     def _remarkable(self, stage: StagePlan, passage: Passage) -> Iterator[Place]:
         """Where joints or tip are fastest, if beyond a limit, and the arm nearest to singular."""
-        robot, on_way = self._context.robot, passage.instants[1:]
-        if not on_way:
+        robot, on_path = self._context.robot, passage.instants[1:]
+        if not on_path:
             return
         speed = math.inf if stage.limits.speed is None else stage.limits.speed
-        fast = next((i for i in on_way if np.any(np.abs(i.v) > robot.velocity_limit)), None)
-        swift = next((i for i in on_way if np.linalg.norm(i.twist[:3]) > speed), None)
-        stiff = next((i for i in on_way if i.pivot < NEAR_SINGULAR), None)
+        fast = next((i for i in on_path if np.any(np.abs(i.v) > robot.velocity_limit)), None)
+        swift = next((i for i in on_path if np.linalg.norm(i.twist[:3]) > speed), None)
+        stiff = next((i for i in on_path if i.pivot < NEAR_SINGULAR), None)
         instants = {i.time: i for i in (fast, swift, stiff) if i is not None}
         for _, i in sorted(instants.items()):
             rates = {a: float(i.twist[a.row]) for a in stage.axes}
@@ -236,8 +236,8 @@ class NominalWalk:
         context = self._context
         if stage.contacts.normal(contact) is not context.start_normals[contact]:
             return context.obstacles.gap(contact, self._p, self._R)
-        way = float(context.start_normals[contact] @ (self._p - context.start_p))
-        return context.start_gaps[contact] + way
+        moved = float(context.start_normals[contact] @ (self._p - context.start_p))
+        return context.start_gaps[contact] + moved
 
     def _along(
         self, course: Course, stage: StagePlan, rotation: Vector, rates: Mapping[Axis, float]
@@ -302,7 +302,7 @@ class NominalWalk:
         following = list(self._context.loaded.task.stages)
         after = following[following.index(stage.name) + 1 :][:1]
         again = [[stage.name]] if self._returns(stage) else []
-        return any([way.to] not in (after, *again) for way in stage.spec.next)
+        return any([branch.to] not in (after, *again) for branch in stage.spec.next)
 
     def _returns(self, stage: StagePlan) -> bool:
         """Whether a stage ends at the same place wherever it begins."""

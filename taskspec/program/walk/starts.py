@@ -128,7 +128,7 @@ def _bent(context: Context) -> Iterator[Vector]:
     solver = InverseKinematics(robot)
     turns = any(a.is_rotation for a in robot.axes)
     target = Target(context.start_p, context.start_R if turns else None)
-    for way in _ELBOWS:
-        q, missing = solver.descend(context.start + way * null, target)
+    for shift in _ELBOWS:
+        q, missing = solver.descend(context.start + shift * null, target)
         if missing <= SOLVED:
             yield q

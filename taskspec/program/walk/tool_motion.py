@@ -87,13 +87,13 @@ class Straight:
 
     def _settle(self, contact: str, axis: Axis, sign: float) -> None:
         """Stay on what the stage presses on, whose normal is not the same everywhere."""
-        way = sign * self.frame[:, axis.column]
+        direction = sign * self.frame[:, axis.column]
         obstacles = self._stage.context.obstacles
-        met = obstacles.first(self.p - _BACK * way, self.R, way)
-        if met is None or met.way > _BACK + _LOST:
+        met = obstacles.first(self.p - _BACK * direction, self.R, direction)
+        if met is None or met.travel > _BACK + _LOST:
             self.left = contact
         else:
-            self.p = self.p + (met.way - _BACK) * way
+            self.p = self.p + (met.travel - _BACK) * direction
 
 
 def _lever(stage: StagePlan, p: Vector, R: Vector) -> Vector:
