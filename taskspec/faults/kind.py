@@ -73,7 +73,7 @@ class Shown:
 
     @property
     def vectors(self) -> tuple[Vector, ...]:
-        """All of it."""
+        """All vectors of its state."""
         return (self.values,) if self.rates is None else (self.values, self.rates)
 
     def copy(self) -> Shown:

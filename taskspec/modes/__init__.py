@@ -1,7 +1,7 @@
 """What an axis does during a stage: one class for each mode, which says all that depends on it.
 
 To add one, derive it from `AxisMode`, and `register` it before the language is imported. Reading a
-file needs no numerical library, so a mode's module imports none before it is asked.
+file needs no numerical library, so a mode's module imports none before its first use.
 """
 
 from taskspec.modes.coupling import Coupling, UncoupledError

@@ -7,7 +7,7 @@ from taskspec.geometry.axis import Axis
 
 
 class UncoupledError(ValueError):
-    """Why a mechanism's geometry asks for no motion of an axis; `hint` says what to do."""
+    """Why a mechanism's geometry gives no motion of an axis; `hint` says what to do."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)

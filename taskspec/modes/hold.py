@@ -92,11 +92,11 @@ class Hold(AxisMode):
 
     @property
     def loop(self) -> tuple[object, ...]:
-        """Against what it holds."""
+        """The frame against which it holds an orientation."""
         return ("world",) if self.hold == "world" else ()
 
     def constant_rate(self, known: Known) -> float | None:  # noqa: ARG002
-        """Zero."""
+        """0: a held axis has no rate [m/s, rad/s]."""
         return 0.0
 
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:

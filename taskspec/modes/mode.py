@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Number = Any
 #: Displacement [m, rad] against time [s].
 Displacement = Callable[[float], float]
-#: What an expression is worth before a run, at given clocks; None where nothing tells.
+#: What an expression is worth before a run, at given clocks; None where it is unknown.
 Known = Callable[[Expression, Mapping[str, float] | None], float | None]
 
 #: Speed of a motion along or about an axis that names none [m/s, rad/s] (docs/language.md).
@@ -168,7 +168,7 @@ class StageStart:
 
     @property
     def rate(self) -> Number:
-        """Its rate [m/s, rad/s]."""
+        """Rate of the reference that is handed over [m/s, rad/s]."""
         return self.rates[self.axis]
 
 
@@ -208,7 +208,7 @@ def from_start(at: StageStart, own_rate: Number | None = None) -> HandOver:
 
     Args:
         at: the stage start.
-        own_rate: the mode's rate then, where its expression does not tell [m/s, rad/s].
+        own_rate: the mode's rate then, where its expression does not determine it [m/s, rad/s].
     """
     slope = at.rate - (at.own_rate if own_rate is None else own_rate)
     parameters = {f"start.{at.axis}": at.start + slope * blend.BLEND_TIME / 2}
@@ -238,8 +238,8 @@ def to_coordinate(at: StageStart) -> HandOver:
 class AxisMode(ABC):
     """Who or what decides the reference of an axis, and all that depends on that.
 
-    A subclass is a mode; besides these attributes it takes the values of its keys by their names,
-    None for a companion that is left out. What it does not state follows from the base.
+    A subclass is a mode; in addition to these attributes it takes the values of its keys by their
+    names, None for a companion that is left out. What it does not state follows from the base.
 
     Attributes:
         rotation: whether it is of a rotation.
@@ -247,7 +247,7 @@ class AxisMode(ABC):
         keys: in a file: its own, then its companions.
         word: value of its own key where a file writes the name of the mode alone; empty where that
             is no short form.
-        moves: whether it asks for a motion.
+        moves: whether it commands a motion.
         ends: whether it comes to an end, so that a stage may last until then.
         travels: whether it goes away from where it starts, in one direction.
         goes_on: whether it keeps its rate for as long as the stage lasts.
@@ -320,7 +320,7 @@ class AxisMode(ABC):
         """How a mechanism couples it to the other axes of a stage; None where none does.
 
         Raises:
-            UncoupledError: the mechanism's geometry asks for no motion of this axis.
+            UncoupledError: the mechanism's geometry gives no motion of this axis.
         """
         return None
 
@@ -358,7 +358,7 @@ class AxisMode(ABC):
         return self.constant_rate(known)
 
     def heading(self, known: Known) -> float | None:  # noqa: ARG002
-        """A number with the sign of the direction in which it goes; None where nothing tells."""
+        """A number with the sign of the direction in which it goes; None where it is unknown."""
         return None
 
     def displacement(self, known: Known, start: float) -> Displacement | None:  # noqa: ARG002
@@ -391,7 +391,7 @@ class AxisMode(ABC):
 
     @abstractmethod
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:
-        """What it asks of an axis; empty where it asks for no motion.
+        """The artificial constraint in words; empty where there is none.
 
         Args:
             axis: which.

@@ -67,7 +67,7 @@ class Position(AxisMode):
         return at.in_time(value)
 
     def hand_over(self, at: StageStart) -> HandOver:
-        """It goes to the coordinate."""
+        """Hand-over to the coordinate of the expression."""
         return to_coordinate(at)
 
     def displacement(self, known: Known, start: float) -> Displacement | None:
@@ -83,5 +83,5 @@ class Position(AxisMode):
         return moved
 
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
-        """The coordinate."""
+        """The artificial constraint in words: the coordinate."""
         return f"{axis} = {self.position}"

@@ -53,7 +53,7 @@ class Velocity(AxisMode):
     goes_on = True
 
     def expressions(self) -> Iterator[tuple[Expression, bool]]:
-        """The rate."""
+        """The expression of its rate."""
         yield self.velocity, False
 
     def reference(self, at: ReferenceInputs) -> OwnReference:
@@ -87,10 +87,10 @@ class Velocity(AxisMode):
         return known(self.velocity, None) or None
 
     def displacement(self, known: Known, start: float) -> Displacement | None:  # noqa: ARG002
-        """v, risen from nothing."""
+        """A constant rate v times the time, which rises from rest; None where v is not constant."""
         speed = known(self.velocity, None)
         return None if speed is None else lambda time: speed * blend.from_rest(time)
 
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
-        """The rate."""
+        """The artificial constraint in words: the rate."""
         return f"{rate} = {self.velocity}"

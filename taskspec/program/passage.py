@@ -168,5 +168,5 @@ class Passage:
 
     @property
     def last(self) -> Instant:
-        """Where it ends."""
+        """The last instant."""
         return self.instants[-1]

@@ -65,7 +65,7 @@ class Hole(CutPlate):
         return ca.fmax(bore, outside(beyond))
 
     def cut(self) -> PlateCut:
-        """The bore, and the block."""
+        """The bore, and its block, as the plant takes them."""
         return PlateCut("hole", (self.radius, self.depth, self.chamfer, *(self.size or ())))
 
     def uncut(self) -> Surface:

@@ -81,15 +81,15 @@ class PlateChart(SurfaceChart):
         return self.plate.local(point)[2]
 
     def normal(self, point: ca.SX) -> ca.SX:  # noqa: ARG002
-        """z of the plate."""
+        """The z axis of the plate (3,), world."""
         return ca.SX(ca.DM(self.plate.rotation[:, 2]))
 
     def own_x(self) -> ca.SX:
-        """x of the plate."""
+        """The x axis of the plate (3,), world."""
         return ca.SX(ca.DM(self.plate.rotation[:, 0]))
 
     def margin(self, point: ca.SX, heading: Vector | None) -> ca.SX:  # noqa: ARG002
-        """Positive beside the cut."""
+        """Distance [m] from the edge of the cut, positive beside it."""
         return self.plate.beside(self.plate.local(point))
 
 

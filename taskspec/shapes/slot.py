@@ -49,11 +49,11 @@ class Slot(CutPlate):
         return ca.fmin(wall, x[2] + self.depth)
 
     def cut(self) -> PlateCut:
-        """The slot."""
+        """The slot as the plant takes it."""
         return PlateCut("slot", (self.width, self.depth, self.chamfer, self.length or 0.0))
 
     def beside(self, x: ca.SX) -> ca.SX:
-        """How far beyond its edge."""
+        """Distance [m] of a point beyond the edge of the slot."""
         return self._beyond(x) - self.chamfer
 
     def _beyond(self, x: ca.SX) -> ca.SX:

@@ -129,7 +129,7 @@ class Mechanism(Model):
 
     @property
     def kind(self) -> str:
-        """Of its signals."""
+        """The kind of its signals."""
         return self.mechanism
 
     @property

@@ -97,7 +97,7 @@ def _depends(result: SweepResult) -> Iterator[str]:
 
 
 def _worlds(numbers: Sequence[int]) -> str:
-    """Such as `worlds 3, 17`."""
+    """Numbers of worlds in words, such as `worlds 3, 17`."""
     return f"world{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
 

@@ -20,7 +20,7 @@ class Endpoint:
 
     @property
     def text(self) -> str:
-        """As it is written."""
+        """The address as it is written."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"udp://{host}:{self.port}"
 

@@ -144,7 +144,7 @@ class StateBody:
     extras: Vector
 
     def to_bytes(self) -> bytes:
-        """The body."""
+        """The body as bytes."""
         head = STATE_BODY.pack(
             self.flags,
             self.stage,

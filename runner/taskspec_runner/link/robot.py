@@ -41,7 +41,7 @@ class RobotLimits:
 
     @classmethod
     def of(cls, robot: RobotModel) -> RobotLimits:
-        """Those of a model."""
+        """The limits of a model."""
         parts = (robot.torque_limit, robot.velocity_limit, robot.lower, robot.upper)
         return cls(*(tuple(map(float, part)) for part in parts))
 

@@ -318,7 +318,7 @@ class ServedPlant:
         return self._plant
 
     def alarm(self) -> tuple[str, str] | None:
-        """The simulator's own."""
+        """The alarm of the simulator; None without one."""
         return self._plant.alarm()
 
     def _state(self, flags: int) -> StateBody:

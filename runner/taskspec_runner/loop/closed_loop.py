@@ -42,7 +42,7 @@ class ClosedLoop:
 
     @property
     def read(self) -> Callable[[], None]:
-        """Measures."""
+        """Measures the arm for this tick."""
         read = self.sensing.read
         return read if self.faults is None else partial(self.faults.read, self.sensing)
 

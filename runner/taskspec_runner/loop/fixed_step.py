@@ -253,7 +253,7 @@ class _Native:
 
     @property
     def name(self) -> str:
-        """Of the loop."""
+        """Name of the loop."""
         return NATIVE if self.used else PYTHON
 
     def run(self, ticks: int) -> int:

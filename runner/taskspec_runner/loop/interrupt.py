@@ -64,7 +64,7 @@ class _Handlers(ABC):
 
     @abstractmethod
     def _hear(self, number: int, _frame: FrameType | None) -> None:
-        """Takes a signal."""
+        """Notes a signal of the operating system."""
 
     def _restore(self) -> None:
         while self._usual:

@@ -43,7 +43,7 @@ class View:
     lookat: tuple[float, float, float]
 
     def camera(self) -> mujoco.MjvCamera:
-        """The same for MuJoCo."""
+        """The view as MuJoCo's camera."""
         camera = mujoco.MjvCamera()
         camera.azimuth, camera.elevation = self.azimuth, self.elevation
         camera.distance = self.distance

@@ -78,7 +78,7 @@ class Recording:
 
     @property
     def period(self) -> float:
-        """Of the control [s]."""
+        """Control period [s]."""
         return self.program.context.period
 
     @property

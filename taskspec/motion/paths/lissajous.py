@@ -75,7 +75,7 @@ class Lissajous(PathForm):
         segments: Mapping[Axis, ca.SX],  # noqa: ARG002
         axis: Axis,
     ) -> Number:
-        """On its sine."""
+        """The coordinate [m]: the start plus the sine of the axis at s."""
         size, turns = coordinates(self.amplitude)[axis], coordinates(self.turns)[axis]
         return start[axis] + size * ca.sin(2 * ca.pi * turns * s)
 

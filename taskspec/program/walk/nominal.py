@@ -53,7 +53,7 @@ class NominalWalk:
     """
 
     def __init__(self, context: Context) -> None:
-        """Starts where the run does."""
+        """Starts at the start pose of the run."""
         self._context = context
         self._solver = InverseKinematics(context.robot)
         self._arm = ArmWalk(context)

@@ -150,7 +150,7 @@ class OnSurface:
         return axes.reshape(3, 3).T.copy(), foot.copy(), float(margin[0])
 
     def advance(self, time: float, moved: Mapping[Axis, float]) -> None:  # noqa: ARG002
-        """Along the surface."""
+        """Moves the tool on along the surface."""
         at = np.array([moved[a] for a in AXES])
         d, self._moved = at - self._moved, at
         height = self._height + moved[Axis.Z]
