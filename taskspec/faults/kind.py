@@ -57,7 +57,7 @@ def anywhere(*dimensions: Dimension) -> Sizes:
 
 @dataclass(slots=True)
 class Shown:
-    """What some channels of a device show in a tick.
+    """The readings of some channels of a device in a tick.
 
     Attributes:
         values: (channels,).

@@ -1,4 +1,4 @@
-"""What a law is filled in with."""
+"""The inputs of a law."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ class ControlLaw(ABC):
         return math.inf
 
     def pulls(self, gains: Mapping[str, float], rate: float) -> float:  # noqa: ARG002
-        """What a motion on a force axis adds to its set point [N].
+        """The force that a motion on a force axis adds to its set point [N].
 
         Args:
             gains: on the axis, by name [SI].

@@ -1,4 +1,4 @@
-"""What an axis does during a stage: one class for each mode, which says all that depends on it.
+"""Modes of an axis in a stage: one class for each, with all that depends on it.
 
 To add one, derive it from `AxisMode`, and `register` it before the language is imported. Reading a
 file needs no numerical library, so a mode's module imports none before its first use.

@@ -1,4 +1,4 @@
-"""How a mechanism couples an axis to the others of its stage."""
+"""Coupling of an axis to the others of its stage by a mechanism."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class UncoupledError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Coupling:
-    """How one axis follows: `ratio` times the reference of `leader`, else times the angle.
+    """The coupling of one axis: `ratio` times the reference of `leader`, else times the angle.
 
     The ratio is in m/rad or rad/rad; it is 0 where the frame itself turns with the handle.
     """

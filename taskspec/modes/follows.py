@@ -78,7 +78,7 @@ class Follows(AxisMode):
         )
 
     def coupling(self, stage: PlannedStage, axis: Axis) -> Coupling:
-        """How it follows the mechanism.
+        """The coupling of the axis to the mechanism.
 
         Args:
             stage: of the axis.

@@ -74,7 +74,7 @@ class Hold(AxisMode):
 
     @property
     def set_point(self) -> Force | None:
-        """What the stage before commanded last, for an axis that holds its force."""
+        """The last command of the stage before, for an axis that holds its force."""
         return Force(KEPT, None, kept=True) if self.hold == "force" else None
 
     def reference(self, at: ReferenceInputs) -> OwnReference:

@@ -1,4 +1,4 @@
-"""What a mode of an axis is: its keys, its reference, its hand-over, its nominal motion, its words.
+"""The mode of an axis: its keys, its reference, its hand-over, its nominal motion, its words.
 
 A mode that a file gives is made of the values of its keys. A reference is written on CasADi
 expressions, nominal motion on numbers. A hand-over is written on both: it is part of the function
@@ -64,7 +64,7 @@ class MovingReference(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ReferenceInputs:
-    """What the reference of an axis may depend on.
+    """The inputs of the reference of an axis.
 
     Attributes:
         axis: whose it is.
@@ -121,7 +121,7 @@ class OwnReference:
 
 @dataclass(frozen=True, slots=True)
 class Blending:
-    """What is added to a mode's reference after a stage start, and fades out.
+    """The part that is added to a mode's reference after a stage start and fades out.
 
     Attributes:
         value: of what continues the reference that is handed over [m, rad].
@@ -141,7 +141,7 @@ class Blending:
 
 @dataclass(frozen=True, slots=True)
 class StageStart:
-    """What an axis is handed over with, in numbers or expressions.
+    """The state of an axis at a stage start, in numbers or expressions.
 
     Attributes:
         axis: which.
@@ -174,7 +174,7 @@ class StageStart:
 
 @dataclass(frozen=True, slots=True)
 class HandOver:
-    """How a mode's reference continues the one that is handed over.
+    """The hand-over of a mode's reference from the one before.
 
     r(t) = own(t) + `motion.blend.added`(t, offset, slope, time) + pressed s_0(t/BLEND_TIME).
 
@@ -196,7 +196,7 @@ class HandOver:
     wait: Number = 0.0
 
     def added(self, t: float) -> float:
-        """What it adds to the mode's reference at stage time t [s], but for what is pressed."""
+        """The added displacement at stage time t [s], without the pressed part [m, rad]."""
         more: float = blend.added(t, self.offset, self.slope, self.time)
         return more
 
@@ -236,7 +236,7 @@ def to_coordinate(at: StageStart) -> HandOver:
 
 @dataclass(frozen=True, slots=True)
 class AxisMode(ABC):
-    """Who or what decides the reference of an axis, and all that depends on that.
+    """The source of the reference of an axis, and all that depends on it.
 
     A subclass is a mode; in addition to these attributes it takes the values of its keys by their
     names, None for a companion that is left out. What it does not state follows from the base.
@@ -303,7 +303,7 @@ class AxisMode(ABC):
 
     @abstractmethod
     def hand_over(self, at: StageStart) -> HandOver:
-        """How its reference continues the one that is handed over."""
+        """The hand-over of its reference from the one before."""
 
     def track(self, start: Number, rate: Number) -> PiecewiseCubic | None:  # noqa: ARG002
         """The cubics that its reference runs through, which fill its slot `segment`.

@@ -100,7 +100,7 @@ class Move(AxisMode):
 
     @property
     def distance(self) -> tuple[float, float]:
-        """How far it goes [m, rad] and how fast [m/s, rad/s]."""
+        """Its distance [m, rad] and greatest rate [m/s, rad/s]."""
         return abs(self.move), self.top
 
     @property

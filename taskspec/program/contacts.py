@@ -1,4 +1,4 @@
-"""Which object each axis of a stage presses on, or runs into.
+"""The object that each axis of a stage presses on, or runs into.
 
 What the file names comes first: `contact` on the axis, then on the stage; then the object whose
 surface the frame follows, or on which it is fixed. Elsewhere it is the first object on the straight
@@ -39,7 +39,7 @@ _TIMES = (0.0, 0.13, 0.37, 1.0, 2.9)
 
 @dataclass(frozen=True, slots=True)
 class Encounter:
-    """What a straight motion of the tool leads to.
+    """The first contact of a straight motion of the tool.
 
     Attributes:
         contact: the object.
@@ -108,7 +108,7 @@ class Obstacles:
         return whole_tool(self._tool, self._surfaces[name])
 
     def _touch(self, name: str, p: Vector, R: Vector) -> Touch:
-        """How the whole tool meets an object, at a pose of the tip (3,), (3, 3), world axes."""
+        """Touch of the whole tool on an object, at a pose of the tip (3,), (3, 3), world axes."""
         tool, base = self._whole(name), self._bases.get(name)
         assert tool is not None
         A, a = (np.eye(3), np.zeros(3)) if base is None else base.pose(0.0)

@@ -1,4 +1,4 @@
-"""What can end a stage or stop a run, in the order in which one tick decides."""
+"""Events that end a stage or stop a run, in the order in which one tick decides."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ class _Section:
 
     @staticmethod
     def of(robot: RobotLike) -> _Section:
-        """What the models of a robot are made from."""
+        """The inputs of the models of a robot."""
         tool, base, flange = robot.tool, robot.base, robot.flange
         size = None if tool.size is None else tuple(tool.size)
         return _Section(
@@ -277,7 +277,7 @@ def _short_of(axes: tuple[Axis, ...], m: mujoco.MjModel, chain: Chain) -> tuple[
 
 
 def _bare(bodies: Bodies, tip: int) -> str:
-    """How many bodies of an arm have no mass, in words; empty where all have one."""
+    """The count of bodies of an arm without mass, in words; empty where all have one."""
     masses = np.delete(bodies.body_mass, [0, tip])
     bare = int((masses <= 2 * BOUND_MASS).sum())
     return f": {bare} of the robot's {len(masses)} bodies have none" if bare else ""

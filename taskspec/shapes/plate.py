@@ -1,4 +1,4 @@
-"""What a hole, a slot and a groove share: an endless plate, solid below z = 0, with a cut in it."""
+"""Hole, slot and groove in common: an endless plate, solid below z = 0, with a cut in it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class CutPlate(Surface):
 
     @abstractmethod
     def beside(self, x: ca.SX) -> ca.SX:
-        """How far [m] a point (3,) is over the plate beside the cut, negative over the cut."""
+        """Distance [m] of a point (3,) from the cut, over the plate, negative over the cut."""
 
     @abstractmethod
     def drawn(self, reach: float, thickness: float) -> Sequence[Vector]:
@@ -48,7 +48,7 @@ class CutPlate(Surface):
         return Plane(self.origin, self.rotation)
 
     def geom(self) -> Geom:
-        """What contacts are reported of; it touches nothing itself."""
+        """The geom that contacts are reported of; it touches nothing itself."""
         return Geom("sphere", (1e-3, 0.0, 0.0))
 
     def visible_geom(self, center: Vector, half: Vector) -> Geom | None:  # noqa: ARG002

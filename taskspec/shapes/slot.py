@@ -57,7 +57,7 @@ class Slot(CutPlate):
         return self._beyond(x) - self.chamfer
 
     def _beyond(self, x: ca.SX) -> ca.SX:
-        """How far [m] a point (3,) is beyond the walls, negative between them."""
+        """Distance [m] of a point (3,) beyond the walls, negative between them."""
         beyond = ca.fabs(x[1]) - self.width / 2
         return beyond if self.length is None else ca.fmax(beyond, ca.fabs(x[0]) - self.length / 2)
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Listening:
-    """How a plant is to be served, as a command line has it.
+    """Options of a served plant, as a command line has them.
 
     Attributes:
         url: where it listens.

@@ -1,4 +1,4 @@
-"""What a sweep came to, on the console."""
+"""The result of a sweep on the console."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ from taskspec_runner.record.whole import write_whole
 
 @dataclass(frozen=True)
 class ChosenFiles:
-    """Which files are run, and in which order.
+    """The files that are run, in order.
 
     Attributes:
         words: of paths, as `-k` takes them; None for all.
@@ -47,7 +47,7 @@ class ChosenFiles:
 
 @dataclass(frozen=True)
 class Telling:
-    """How outcomes are reported.
+    """The form in which outcomes are reported.
 
     Attributes:
         form: on standard output.

@@ -1,4 +1,4 @@
-"""Where a robot or a plant is: `udp://HOST:PORT`."""
+"""Address of a robot or a plant: `udp://HOST:PORT`."""
 
 from __future__ import annotations
 

@@ -205,7 +205,7 @@ def json_body(content: Mapping[str, Any]) -> bytes:
 
 
 def read_json_body(body: bytes) -> dict[str, Any]:
-    """What a hello or a welcome says.
+    """Reads the body of a hello or a welcome.
 
     Raises:
         PacketError: it is no JSON object.

@@ -45,7 +45,7 @@ DONE, FAILED, STOPPED = "done", "failed", "stopped"
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a run ended.
+    """The end of a run.
 
     Attributes:
         status: done (the task reached `end`), failed (it reached `fail`), stopped (a limit or a

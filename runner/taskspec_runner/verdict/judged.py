@@ -25,7 +25,7 @@ class MeasuredValue:
 
 @dataclass(frozen=True, slots=True)
 class Margin:
-    """How far inside its bound a measured value is.
+    """The margin of a measured value inside its bound.
 
     Attributes:
         name: of the measured part, as written.

@@ -192,7 +192,7 @@ def _score(
     samples: Vector,
     angles: tuple[float, float],
 ) -> float:
-    """How well a view shows a run: the tip in sight, forces and path across, the arm apart."""
+    """Score of a view of a run: the tip in sight, forces and path across, the arm apart."""
     recording = world.recording
     axes = axes_of(*angles)
     eye = _VIEW_DISTANCE * axes[2]

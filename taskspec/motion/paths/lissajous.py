@@ -65,7 +65,7 @@ class Lissajous(PathForm):
         return tuple(coordinates(self.amplitude))
 
     def moves(self, axis: Axis) -> bool:
-        """Where its amplitude is not 0."""
+        """Whether the amplitude of the axis is not 0."""
         return coordinates(self.amplitude)[axis] != 0.0
 
     def curve(

@@ -111,7 +111,7 @@ class Line(PathForm):
         return tuple(coordinates(self.by))
 
     def moves(self, axis: Axis) -> bool:
-        """Where its distance is not 0."""
+        """Whether the distance of the axis is not 0."""
         return coordinates(self.by)[axis] != 0.0
 
     def curve(

@@ -1,4 +1,4 @@
-"""What drives an arm while the program that keeps its limits has no answer."""
+"""Torques of an arm while the program that keeps its limits has no answer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a held mechanism leaves free, on the axes of a stage."""
+"""Directions that a held mechanism leaves free, on the axes of a stage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a stage hands on: the one reference pose, and what it pressed with."""
+"""The hand-over of a stage: the reference pose, and the forces."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SIZE = sum(length for _, length in HANDED)
 
 
 def leaving(plan: StagePlan) -> ca.Function:
-    """What a stage hands on: its outputs, the run time [s] -> the numbers of `HANDED`.
+    """The hand-over of a stage: its outputs, the run time [s] -> the numbers of `HANDED`.
 
     Axes with a force set point hand on where they were measured. Whether the next stage keeps track
     of the same mechanism is left to whoever knows it.

@@ -75,7 +75,7 @@ class ArmWalk:
         self.known, self.coordinate = True, 0.0
 
     def stage(self, stage: StagePlan, p: Vector, R: Vector, lasts: float | None) -> Passage | None:
-        """What the arm goes through in the stage that comes next; None where that is unknown.
+        """The predicted motion of the arm in the next stage; None where that is unknown.
 
         Args:
             stage: the stage.
@@ -123,7 +123,7 @@ class ArmWalk:
         return self._go(stage, tool_motion, arm, motion, guard, horizon, instants)
 
     def _tool_motion(self, stage: StagePlan, p: Vector, R: Vector) -> ToolMotion | None:
-        """What carries the tool; None where that is unknown."""
+        """The motion that carries the tool; None where that is unknown."""
         if self._context.loaded.task.robot.grasp is not None:
             if not self._context.held or _driven_by_force(stage):
                 return None
@@ -184,7 +184,7 @@ class ArmWalk:
         guard: _Guard | None,
         instants: list[Instant],
     ) -> Passage | None:
-        """What ends the stage between its last two instants; None where it goes on."""
+        """The end of the stage between its last two instants; None where it goes on."""
         robot, last, here = self._context.robot, instants[-2], instants[-1]
         if ((here.q > robot.upper) | (here.q < robot.lower)).any():
             joint, share = _crossed(robot, last.q, here.q)
@@ -381,7 +381,7 @@ class _Guard:
         return found
 
     def _held_place(self, here: Instant) -> dict[str, Interval]:
-        """Where the mechanism has taken the tool, in a frame that stands still."""
+        """The displacement of the tool by the mechanism, in a frame that stands still."""
         frame, turned = self._stage.frame, pin.log3(here.R @ self._first.R.T)
         # A rotation vector ends at half a turn.
         if not frame.still or frame.at_origin or np.linalg.norm(turned) > _HALF_TURN:
@@ -396,7 +396,7 @@ class _Guard:
         return self._context.mechanisms[self._context.held]
 
     def _effort(self, here: Instant, tool_motion: ToolMotion) -> dict[str, Interval]:
-        """What the held mechanism bears before it comes to its stop."""
+        """The load of the held mechanism before it comes to its stop."""
         if not isinstance(tool_motion, WithMechanism) or tool_motion.stopped is not None:
             return {}
         declared = self._context.loaded.task.mechanisms[self._context.held]

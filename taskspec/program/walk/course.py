@@ -21,7 +21,7 @@ def moving_axes(stage: Stage) -> dict[Axis, AxisMode]:
 def course_of(
     stage: StagePlan, start: Mapping[Axis, float], rates: Mapping[Axis, float]
 ) -> Course | None:
-    """How a stage moves; None where that is not planned, or nothing says how long it lasts.
+    """The motion of a stage; None where it is not planned, or its duration is unknown.
 
     Args:
         stage: the stage.

@@ -1,4 +1,4 @@
-"""How far behind its reference a law takes the mechanism that the robot holds.
+"""The lag of a held mechanism behind its reference under a law.
 
 Arm and mechanism move together along the twists T s that the mechanism leaves free, one for its
 coordinate and one for a free knob:

@@ -69,7 +69,7 @@ def tip_at(robot: RobotModel, q: Vector) -> tuple[Vector, Vector]:
 
 
 def joint_passage(stage: StagePlan, start: Vector) -> Passage:
-    """What the arm goes through on the path of joints of a stage.
+    """The predicted motion of the arm on the path of joints of a stage.
 
     Args:
         stage: the stage.

@@ -1,4 +1,4 @@
-"""Where the tool is expected to be in each stage, as far as the text of a task determines it."""
+"""Expected places of the tool in each stage, as far as the text of a task determines them."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ class NominalWalk:
         return Nominal(rotation, gap, start, None, None, (begins,), passage=passage, about=about)
 
     def _passage(self, stage: StagePlan, rotation: Vector) -> Passage | None:
-        """What the arm goes through in a stage."""
+        """The predicted motion of the arm in a stage."""
         arm = self._arm
         p, R = (self._p, self._R) if self._known and not self._held else (arm.p, arm.R)
         to_contact = self._until_contact(stage, rotation)
@@ -135,7 +135,7 @@ class NominalWalk:
         return arm.stage(stage, p, R, lasts)
 
     def _remarkable(self, stage: StagePlan, passage: Passage) -> Iterator[Place]:
-        """Where joints or tip are fastest, if beyond a limit, and the arm nearest to singular."""
+        """The first instants of joints or tip beyond a limit, and of an arm near a singularity."""
         robot, on_path = self._context.robot, passage.instants[1:]
         if not on_path:
             return

@@ -1,4 +1,4 @@
-"""How the references of a stage move against time, as far as the text determines it."""
+"""Motion of the references of a stage against time, as far as the text determines it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Coordinates = Callable[[float], dict[Axis, float]]
 
 @dataclass(frozen=True, slots=True)
 class ReferenceMotion:
-    """How the references of a stage move.
+    """Motion of the references of a stage.
 
     Attributes:
         displacements: displacement of each axis that is to move against time [m, rad].

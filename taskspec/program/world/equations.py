@@ -131,7 +131,7 @@ def reaction(
     stiffness: float | ca.SX,
     damping: float | ca.SX,
 ) -> ca.SX:
-    """What the robot applies to a compliant constraint along the unit gradient [N, N m].
+    """The force of the robot on a compliant constraint along the unit gradient [N, N m].
 
     k distance + b d(distance)/dt; under `<=` and `>=` it never pulls, and is zero where the
     relation holds.

@@ -21,7 +21,7 @@ _MARKER = "whole/"
 
 @dataclass(frozen=True, slots=True)
 class WholeContact:
-    """What a contact of whole surfaces has.
+    """Data of a contact of whole surfaces.
 
     Attributes:
         declared: stiffness and damping of each of its patches.
