@@ -178,7 +178,7 @@ class Evidence:
         return self.left.damage if self.left is not None else ""
 
     def damage(self) -> str:
-        """The damage of the manifest, else of log, summary and task file; empty if there is none."""
+        """The damage of the manifest, else of log, summary and task file; empty if none."""
         if wrong := self._manifest[1]:
             return wrong
         found = (self.log_damage, self._summary[1], self.task_damage)
