@@ -31,7 +31,7 @@ from taskspec.program.trajectory import Place
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian
 from taskspec.spec import FILE, Limits, key_of
-from taskspec.statics.rows import Cause, RowSystem, kept, limit_place, shares_of
+from taskspec.statics.rows import RowCause, RowSystem, kept, limit_place, shares_of
 from taskspec.text.units import FORCE, show
 
 Vector = NDArray[np.float64]
@@ -131,7 +131,7 @@ def _add_set_points(stage: StagePlan, rotation: Vector, about: Vector, system: R
         key, dimension = axis.effort, axis.of(FORCE)
         text = f"{show(value, dimension)} {'about' if axis.is_rotation else 'along'} {axis!r}"
         place = FILE.stages[stage.name].axes[axis][key]
-        cause = Cause("set point", text, place, f"lower the {key}", value, dimension)
+        cause = RowCause("set point", text, place, f"lower the {key}", value, dimension)
         system.add(inside[axis.row], value, value, cause)
 
 
@@ -144,7 +144,7 @@ def _add_limits(stage: StagePlan, about: Vector, wanted: Vector, system: RowSyst
             continue
         most = part * bound
         text = f"limits.{key}, {show(bound, Limits.dimension_of(key))}{kept(part)}"
-        cause = Cause("limit", text, limit_place(stage, key), "raise the limit")
+        cause = RowCause("limit", text, limit_place(stage, key), "raise the limit")
         for direction in _directions(wanted[first : first + 3]):
             system.add(direction @ about[first : first + 3], -np.inf, most, cause)
 
@@ -168,14 +168,14 @@ def _add_contacts(
         push[own] = -normal
         text = f"{name!r}, which can only push back"
         remedy = "press against the outward normal"
-        cause = Cause("contact", text, key_of(FILE.world[name]), remedy)
+        cause = RowCause("contact", text, key_of(FILE.world[name]), remedy)
         system.add(push, 0.0, np.inf, cause)
         given = "friction" in shapes[name].model_fields_set
         place = FILE.world[name].friction
         text, remedy = f"the friction of {name!r}, {whole:g}{kept(share)}", "press harder"
         if not whole:
             text, remedy = f"{name!r}, which has no friction", "declare the friction it has"
-        cause = Cause("contact", text, place if given else key_of(place), remedy)
+        cause = RowCause("contact", text, place if given else key_of(place), remedy)
         for tangent in _tangents(normal, wanted):
             row = np.zeros(system.size)
             row[own] = tangent
@@ -184,7 +184,7 @@ def _add_contacts(
     text, remedy = "the size of the tool's face", "press harder"
     if not moments_too:
         text, remedy = "a ball, which touches in one point and bears no moment", "take a flat tool"
-    cause = Cause("face", text, None, remedy)
+    cause = RowCause("face", text, None, remedy)
     for row in (*moments, *-moments):
         system.add(row - lean, -np.inf, 0.0, cause)
 
@@ -200,7 +200,7 @@ def _add_torques(
             continue
         dimension = FORCE.on(rotation=turns_at(robot, i))
         text = f"joint {i + 1} ({show(float(most), dimension)}{kept(share)})"
-        cause = Cause(TORQUE, text, None, OTHERWISE)
+        cause = RowCause(TORQUE, text, None, OTHERWISE)
         # Gravity alone is always allowed.
         low, high = min(-share * most - gravity[i], 0.0), max(share * most - gravity[i], 0.0)
         if share == 1.0:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from test_report import ESCAPED, NASTY, decoded, drawn, log, page, rewrite, tiny_summary
 
-from taskspec_runner.report.template import prose
+from taskspec_runner.pages.html import prose
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.outcome import first_broken, verdict
 

@@ -16,8 +16,8 @@ from taskspec_runner.diff.difference import NAMES, Difference, diff_runs
 from taskspec_runner.diff.page import headline, leads, share, write_difference
 from taskspec_runner.diff.sentences import largest_text, parting
 from taskspec_runner.errors import InputError
+from taskspec_runner.pages.numbers import quantity
 from taskspec_runner.record.folder import plain
-from taskspec_runner.report.quantities import quantity
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judged import title_of
 

@@ -19,6 +19,7 @@ from taskspec_runner.cli.formats import DiagnosticFormat
 from taskspec_runner.cli.given import OPTIONS, STDIN, changes
 from taskspec_runner.cli.guard import keep_trace
 from taskspec_runner.cli.kept import Before
+from taskspec_runner.cli.options import Tried
 from taskspec_runner.cli.parallel import in_order
 from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.cli.validation import Failure, Validation
@@ -37,39 +38,17 @@ _NUMERICAL = ("pinocchio", "casadi", "numpy", "scipy")
 _SIMULATOR = "mujoco"
 
 
-@dataclass(frozen=True, slots=True)
-class Examining:
-    """Options with which files are examined.
-
-    Attributes:
-        sets: overrides of every file, as `KEY=VALUE`.
-        law: a law that replaces those of every file.
-        world: that is examined, as if the file said that it is the true one: the number of a
-            random one under the seed, or `TABLE:ROW`; None for the true one.
-        seed: of everything random.
-        static: whether the trial is left out.
-        worlds: how many random worlds of `vary` are run.
-    """
-
-    sets: Sequence[str] = ()
-    law: str | None = None
-    world: str | None = None
-    seed: int = 0
-    static: bool = False
-    worlds: int = 0
-
-
-AS_WRITTEN = Examining()
+AS_WRITTEN = Tried()
 
 
 def validate_paths(
     paths: Sequence[Path],
     form: DiagnosticFormat,
+    how: Tried = AS_WRITTEN,
     *,
     strict: bool = False,
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
-    how: Examining = AS_WRITTEN,
     keeps: bool = True,
 ) -> int:
     """Validates files and folders and says what was found.
@@ -147,7 +126,7 @@ def _below(folder: Path) -> Iterator[Path]:
 
 def examine(
     files: Sequence[Path],
-    how: Examining = AS_WRITTEN,
+    how: Tried = AS_WRITTEN,
     *,
     strict: bool = False,
     keeps: bool = True,
@@ -222,7 +201,7 @@ class _Found:
     world: str = ""
 
 
-def _before(path: Path, how: Examining, several: bool) -> _Found | None:
+def _before(path: Path, how: Tried, several: bool) -> _Found | None:
     """The cached findings of an unchanged file; None where it has changed."""
     kept = Before(path, how.sets, how.law, static=how.static).found()
     if kept is None:
@@ -232,7 +211,7 @@ def _before(path: Path, how: Examining, several: bool) -> _Found | None:
 
 
 def _outcome(
-    path: Path, *, how: Examining, several: bool, keeps: bool
+    path: Path, *, how: Tried, several: bool, keeps: bool
 ) -> _Found | _Unreadable | _Broken:
     """The findings about a file; of a failure to examine it, only the message."""
     try:
@@ -262,7 +241,7 @@ def _attributed(found: _Found, path: Path) -> _Found:
     )
 
 
-def _examine(path: Path, how: Examining, *, keeps: bool) -> _Found:
+def _examine(path: Path, how: Tried, *, keeps: bool) -> _Found:
     from taskspec_runner.cli.loading import load
 
     before = Before(path, how.sets, how.law, static=how.static, keeps=keeps)
@@ -289,7 +268,7 @@ def _examine(path: Path, how: Examining, *, keeps: bool) -> _Found:
         return _Found(loaded.warnings, sources, _without(missing, error))
 
 
-def _checked(loaded: LoadedTask, how: Examining) -> tuple[Examination, str]:
+def _checked(loaded: LoadedTask, how: Tried) -> tuple[Examination, str]:
     """An examined task, and why its trial was left out; empty where it was not."""
     from taskspec.examination import examine
 
@@ -306,7 +285,7 @@ def _checked(loaded: LoadedTask, how: Examining) -> tuple[Examination, str]:
     return (_with_worlds(examined, how) if how.worlds else examined), ""
 
 
-def _with_worlds(examined: Examination, how: Examining) -> Examination:
+def _with_worlds(examined: Examination, how: Tried) -> Examination:
     """The same with what is found in random worlds; of a task that is refused there are none."""
     from taskspec.compiler import admit
     from taskspec.program.program import refusals

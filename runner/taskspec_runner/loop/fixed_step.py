@@ -35,8 +35,8 @@ NATIVE, INTERPRETED, PYTHON = "native", "interpreted", "python"
 _LOOPS = (NATIVE, INTERPRETED, PYTHON)
 #: A variable of the environment that names the loop of runs that do not name it.
 LOOP = "TASKSPEC_LOOP"
-#: Ticks of a run after which a thread compiles code of its own. That takes 0.6 to 2 s, and saves 4
-#: to 10 us a tick beside the interpreter.
+#: Ticks of a run after which a thread compiles code of its own. That takes as long as some 200 000
+#: ticks save by it beside the interpreter; the next run finds it.
 _WORTH_COMPILING = 100_000
 #: Ticks that machine code runs at most before Python sees to messages, progress and interrupts.
 _AT_ONCE = 400

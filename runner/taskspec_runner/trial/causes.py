@@ -49,6 +49,8 @@ COMMANDED = 0.97
 SATURATED = 0.995
 #: Ticks before an end of which a saturation is read off.
 _SATURATED_TICKS = 50
+#: A tool stays where it is that comes by less nearer to a surface, or farther off it [m].
+_STAYS = 1e-4
 #: A tool that nothing touches follows a force loop, not its reference, if it is so much faster.
 RUNS_AWAY = 1.5
 
@@ -76,12 +78,15 @@ def first_cause(moment: Moment, *finders: Callable[[Moment], Cause | None]) -> C
 # --- what a sensor measures that is no contact ---------------------------------------------------
 
 
-def sensor_error(moment: Moment, named: Collection[str] = ()) -> Cause | None:
+def sensor_error(
+    moment: Moment, named: Collection[str] = (), *, reading: bool = True
+) -> Cause | None:
     """What makes the measured force another than the true one: the largest part of it.
 
     Args:
         moment: to look at.
         named: the axes that matter; none for all.
+        reading: whether the reading of this tick is the one that matters, and is named.
     """
     error = float(np.linalg.norm(moment.error))
     true, measured = moment.force(), moment.force(measured=True)
@@ -98,6 +103,8 @@ def sensor_error(moment: Moment, named: Collection[str] = ()) -> Cause | None:
         counts = [True] * len(moment.axes)
     i = int(np.argmax(np.abs(moment.error) * counts))
     axis = moment.axes[i]
+    if not reading:
+        return cause
     reads = (
         f"force.{axis} is measured as {show(float(measured[i]), 'N', 3)} where the tool applies "
         f"{show(float(true[i]), 'N', 3)}"
@@ -445,7 +452,13 @@ def left_apart(moment: Moment) -> Cause | None:
     if not gap > 0:
         return None
     begun = moment.value(f"{contact}.gap", moment.visit.first)
-    if gap >= begun:
+    if abs(gap - begun) < _STAYS:
+        return Cause(
+            f"it stays {show(gap, 'mm', 3)} off {contact!r}",
+            "move towards it: a velocity until a force is measured",
+            motion_of(moment.stage),
+        )
+    if gap > begun:
         return Cause(
             f"it moves away from {contact!r}, which is {show(gap, 'mm', 3)} off",
             "turn the motion round: coordinates and forces are along the frame's axes",

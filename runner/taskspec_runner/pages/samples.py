@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import asdict
-from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 
-from taskspec_runner.record.fault_time import fault_times
+from taskspec_runner.pages import decimate
+from taskspec_runner.pages.chart import Chart, Trace
+from taskspec_runner.pages.numbers import figure
+from taskspec_runner.pages.timeline import Timeline
 from taskspec_runner.record.file_array import blocks
 from taskspec_runner.record.folder import Json
 from taskspec_runner.record.history import Vector
-from taskspec_runner.record.visits import StageVisit
-from taskspec_runner.report import decimate, to_rest
-from taskspec_runner.report.chart import Chart, Trace, tints
-from taskspec_runner.report.quantities import figure
 from taskspec_runner.runs import Run
 
 #: Every tick this long before and after a change of stage is drawn, up to so many changes [s].
@@ -25,29 +24,28 @@ DETAIL, CHANGES = (0.1, 0.3), 12
 POINTS_BYTES, _TICK, _POINT = 3_600_000, 6, 8
 
 
-def page_data(run: Run, charts: dict[str, Chart]) -> Json:
-    """What the page of a run draws."""
-    tint, samples = tints(run), Samples()
-    _, end = to_rest.stretch(run) or (run.start, run.end)
-    drawn = {key: _chart(run, chart, samples) for key, chart in charts.items()}
+def page_data(time: Timeline, charts: Iterable[Chart], events: Iterable[Json], **more: Any) -> Json:
+    """What the script of a page draws.
+
+    Args:
+        time: of the runs that the charts are of.
+        charts: each goes by its key.
+        events: times of all charts: `at`, `kind`, `text`, and what else the script takes.
+        more: what else the script is to know, and what it is to know otherwise.
+    """
+    samples = Samples()
+    drawn = {chart.key: _chart(time, chart, samples) for chart in charts}
     return {
         "samples": samples.data(),
-        "points": samples.limit,
-        "start": run.start,
-        "period": run.period,
-        "end": end,
-        "stages": [
-            {"name": run.label(v), "start": v.start, "end": v.end, "tint": tint[v.stage]}
-            for v in run.visits
-        ]
-        + list(to_rest.stage_rows(run)),
-        "events": [*_endings(run), *_breaks(run), *_begun(run)],
-        "faults": [
-            {"start": each.start, "end": run.end if each.end is None else each.end}
-            for each in fault_times(run.summary)
-            if each.start is not None
-        ],
+        "start": time.start,
+        "period": time.leading.period,
+        "end": time.end,
+        "linked": len(time.runs) > 1,
+        "stages": time.stages(),
+        "events": list(events),
+        "faults": [],
         "charts": drawn,
+        **more,
     }
 
 
@@ -80,19 +78,19 @@ class Samples:
         found = self._signals.setdefault(mark.digest(), (number, run, values, continuous, start))
         return found[0]
 
-    @property
-    def limit(self) -> int:
-        """How many points of a signal there is room for."""
-        return max(POINTS_BYTES // (_POINT * max(len(self._signals), 1)), decimate.POINTS)
-
     def data(self) -> list[Json]:
         """All of them in order, as the script reads them."""
         whole = sum(_TICK * len(each[2]) for each in self._signals.values()) <= POINTS_BYTES
-        limit = None if whole else self.limit
+        limit = None if whole else points_of(len(self._signals))
         return [
             {**_sample(run, values, limit, continuous=continuous), "start": start}
             for _, run, values, continuous, start in self._signals.values()
         ]
+
+
+def points_of(signals: int) -> int:
+    """How many points of each signal there is room for."""
+    return max(POINTS_BYTES // (_POINT * max(signals, 1)), decimate.POINTS)
 
 
 def _sample(run: Run, values: Vector, limit: int | None, *, continuous: bool) -> Json:
@@ -117,13 +115,13 @@ def detail(run: Run) -> decimate.Rows:
     return np.unique(np.concatenate(near)).astype(np.int64)
 
 
-def density(run: Run, data: Json) -> str:
+def density(run: Run, samples: list[Json]) -> str:
     """How many ticks there are, and how many of them are drawn."""
     rows = len(run.clock)
     text = f"{rows} ticks of {figure(1e3 * run.period)} ms"
-    if all(sample["kind"] == "all" for sample in data["samples"]):
+    if all(sample["kind"] == "all" for sample in samples):
         return f"{text}, all of them drawn."
-    width = -(-2 * rows // data["points"])
+    width = -(-2 * rows // points_of(len(samples)))
     start = float(np.floor((run.start + run.end) / 2))
     return (
         f"{text}; of every {width} ticks the lowest and the highest value are drawn, and all of "
@@ -132,58 +130,24 @@ def density(run: Run, data: Json) -> str:
     )
 
 
-def _chart(run: Run, chart: Chart, samples: Samples) -> Json:
+def _chart(time: Timeline, chart: Chart, samples: Samples) -> Json:
     return {
         "unit": chart.unit,
-        "log": False,
-        "levels": [asdict(level) for level in chart.limits],
-        "moments": [asdict(moment) for moment in chart.moments],
+        "log": chart.log,
+        "levels": [asdict(level) for level in chart.levels],
         "always": chart.always,
-        "traces": [_trace(run, t, samples) for t in chart.traces],
+        "traces": [_trace(time, trace, samples) for trace in chart.traces],
         "bands": [asdict(band) for band in chart.bands],
     }
 
 
-def _trace(run: Run, trace: Trace, samples: Samples) -> Json:
-    look = {"label": trace.label, "role": trace.role, "style": trace.style}
-    number = samples.add(run, trace.values, continuous=trace.continuous, start=run.start)
-    return {**look, "reference_of": trace.reference_of, "sample": number}
-
-
-def _endings(run: Run) -> Iterator[Json]:
-    for visit, following in zip_longest(run.visits, run.visits[1:]):
-        if following is not None or visit.ended_by:
-            stopped = visit.ended_by.get("kind") in ("limit", "stop")
-            kind = "stop" if stopped else "event"
-            text = _ending(run, visit, following)
-            yield {"at": visit.end, "kind": kind, "text": text}
-
-
-def _ending(run: Run, visit: StageVisit, following: StageVisit | None) -> str:
-    to = run.label(following) if following else str(visit.ended_by.get("to") or "stop")
-    why = str(visit.ended_by.get("text") or "")
-    text = f"{visit.end:.3f} s: {run.label(visit)} → {to}"
-    return f"{text}, {why}" if why else text
-
-
-def _begun(run: Run) -> Iterator[Json]:
-    """Where faults of the true world begin and end."""
-    for each in fault_times(run.summary):
-        if each.start is not None:
-            text = f"{each.start:.3f} s: fault, {each.text}"
-            yield {"at": each.start, "kind": "fault", "text": text, "short": each.text}
-        if each.end is not None:
-            text = f"{each.end:.3f} s: end of the fault, {each.text}"
-            yield {"at": each.end, "kind": "fault", "text": text, "short": "over"}
-
-
-def _breaks(run: Run) -> Iterator[Json]:
-    for each in run.expectations:
-        if each.broken is not None:
-            yield {
-                "at": each.broken.clock,
-                "kind": "broken",
-                "text": f"{each.broken.clock:.3f} s: broken, {each.text}",
-                "short": f"{each.broken.clock:.3f} s: broken",
-                "of": each.text,
-            }
+def _trace(time: Timeline, trace: Trace, samples: Samples) -> Json:
+    run = time.runs[trace.run]
+    start = time.begins[trace.run] + run.start
+    return {
+        "label": trace.label,
+        "role": trace.role,
+        "style": trace.style,
+        "reference_of": trace.reference_of,
+        "sample": samples.add(run, trace.values, continuous=trace.continuous, start=start),
+    }

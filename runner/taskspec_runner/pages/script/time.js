@@ -1,7 +1,7 @@
 /* One window of time for all charts, chosen with mouse, finger, keys or buttons. */
 
 let view = whole.slice(), mark = null, pins = [];
-const plots = [...document.querySelectorAll("[data-chart]")].map((figure) => new Plot(figure));
+for (const figure of document.querySelectorAll("[data-chart]")) new Plot(figure);
 const clock = document.querySelector(".bar output");
 const windows = [...document.querySelectorAll("[data-start]")];
 const windowOf = (b) => (b.dataset.start === "" ? whole : [Number(b.dataset.start), Number(b.dataset.end)]);
@@ -11,14 +11,14 @@ function show(from, to) {
   const width = Math.min(Math.max(to - from, least), whole[1] - whole[0]);
   const start = Math.min(Math.max((from + to - width) / 2, whole[0]), whole[1] - width);
   view = [start, start + width];
-  for (const p of plots) p.draw(view);
+  drawAll();
   for (const b of windows) b.classList.toggle("on", windowOf(b).every((v, i) => Math.abs(v - view[i]) < 1e-9));
   aim();
 }
 
 /** Shows a window with all of its values. */
 function open(from, to) {
-  for (const p of plots) p.chosen = null;
+  for (const p of charts) p.chosen = null;
   show(from, to);
 }
 
@@ -44,7 +44,7 @@ function pin(time) {
 
 /** Draws the cursors and says where they are. */
 function aim() {
-  for (const p of plots) p.point(mark, pins);
+  for (const p of charts) p.point(mark, pins);
   const time = pins[1] ?? mark ?? pins[0] ?? null;
   if (time === null) { clock.textContent = ""; return; }
   const stage = run.stages.find((s) => time >= s.start && time < s.end);
@@ -74,7 +74,7 @@ function chosen(event) {
 /** Shows in all charts what is being chosen. */
 function trace(plot, event) {
   const { times, values } = chosen(event), rows = [pressed.value, plot.valueAtRow(event.clientY)];
-  for (const p of plots) {
+  for (const p of charts) {
     if (times || (values && p === plot)) p.choose(times ? pressed.time : view[0], times ? within(plot, event) : view[1], values && p === plot ? rows : null);
     else p.choose(null);
   }
@@ -110,7 +110,7 @@ function listen(plot) {
 
 function drop() {
   pressed = null;
-  for (const p of plots) p.choose(null);
+  for (const p of charts) p.choose(null);
 }
 
 /* ---- keys and buttons ---- */
@@ -124,7 +124,7 @@ function typed(event, plot) {
   } else if (event.key === "+" || event.key === "=") scale(0.5);
   else if (event.key === "-") scale(2);
   else if (event.key === "ArrowUp" || event.key === "ArrowDown") {
-    const [low, high] = plot.values, room = ((high - low) / 4) * (event.key === "ArrowUp" ? 1 : -2);
+    const [low, high] = plot.y, room = ((high - low) / 4) * (event.key === "ArrowUp" ? 1 : -2);
     plot.stretch([low + room, high - room]);
     aim();
   } else if (event.key === "Enter") pin(mark ?? (view[0] + view[1]) / 2);
@@ -136,18 +136,12 @@ function typed(event, plot) {
 const ACTIONS = { "earlier": () => scale(1, -0.5), "later": () => scale(1, 0.5), "in": () => scale(0.5), "out": () => scale(2) };
 for (const b of document.querySelectorAll("[data-zoom]")) b.addEventListener("click", ACTIONS[b.dataset.zoom]);
 for (const b of windows) b.addEventListener("click", () => open(...windowOf(b)));
-for (const b of document.querySelectorAll(".look")) b.addEventListener("click", () => bring(plots[0].figure));
-for (const b of document.querySelectorAll("[data-save]")) {
-  b.addEventListener("click", () => save(plots.find((p) => p.figure === b.closest("figure")), b.dataset.save));
-}
-
+for (const b of document.querySelectorAll(".look")) b.addEventListener("click", () => bring(charts[0].figure));
 /** Scrolls until a figure is seen below the bar, if it is not seen as a whole. */
 function bring(figure) {
   const bar = document.querySelector(".bar").offsetHeight, box = figure.getBoundingClientRect();
   if (box.top < bar || box.bottom > innerHeight) scrollBy({ top: box.top - bar - 8, behavior: "instant" });
 }
-
-/* ---- the page around ---- */
 
 /** Takes names away from pieces of the time line that have no room for them. */
 function crowd() {
@@ -156,14 +150,7 @@ function crowd() {
   }
 }
 
-function fit() { show(...view); crowd(); }
-
-let wait = 0;
-addEventListener("resize", () => { clearTimeout(wait); wait = setTimeout(fit, 80); });
-const closed = [...document.querySelectorAll("details:not([open])")];
-addEventListener("beforeprint", () => { for (const d of closed) d.open = true; fit(); });
-addEventListener("afterprint", () => { for (const d of closed) d.open = false; fit(); });
-matchMedia("print").addEventListener("change", fit);
-
-for (const p of plots) { legend(p); listen(p); }
-fit();
+const line = document.querySelector(".timeline");
+if (line) new ResizeObserver(crowd).observe(line);
+for (const p of charts) { legend(p); listen(p); }
+show(...view);

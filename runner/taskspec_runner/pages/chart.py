@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from taskspec.deferred_methods import dataclass
+from taskspec_runner.pages.numbers import figure, plain_scale, quantity, scale
 from taskspec_runner.record.file_array import in_file
 from taskspec_runner.record.history import Vector
-from taskspec_runner.report.quantities import figure, quantity
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judged import Judged
-
-#: Tints of stages there are; names beyond that share them.
-TINTS = 8
-
-
-def tints(run: Run) -> Mapping[str, int]:
-    """Number of the tint of each stage, in the order of first visits."""
-    names = dict.fromkeys(v.stage for v in run.visits)
-    return {name: i % TINTS for i, name in enumerate(names)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +22,12 @@ class Trace:
         label: in the legend.
         values: (rows,) in the chart's unit.
         role: what its colour means.
-        style: `line`, `reference` (dashed), `halo` (wide and pale, below the others), `faint`
-            or `bound`, of an expectation.
+        style: `line`, `reference` (dashed), `halo` (wide and pale, below the others), `faint`,
+            `loopless` (dashed, of a law without a force loop) or `bound`, of an expectation.
         signal: its name in the log.
         continuous: whether it runs on through a change of stage.
         reference_of: label of the trace that it is the reference of and shares a legend entry with.
+        run: whose it is, as the chart's timeline has it.
     """
 
     label: str
@@ -46,6 +37,7 @@ class Trace:
     signal: str = ""
     continuous: bool = False
     reference_of: str = ""
+    run: str = ""
 
     def __post_init__(self) -> None:
         # A page has dozens of them, each of every tick.
@@ -89,25 +81,16 @@ class Level:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
-    """A time of one chart [s], such as when a signal is predicted to have settled."""
-
-    at: float
-    kind: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
 class Chart:
-    """A chart over run time.
+    """A chart over time.
 
     Attributes:
         key, title, unit, note: as shown.
         traces, bands: in drawing order.
-        limits: levels that must not be passed, and values at rest.
-        moments: times of its own.
+        levels: limits that must not be passed, and values at rest.
         always: values that always stay in view.
         factor: from SI to the unit; 0 where each trace has a factor of its own.
+        log: whether its values are sizes over several orders.
     """
 
     key: str
@@ -116,10 +99,10 @@ class Chart:
     traces: tuple[Trace, ...]
     note: str = ""
     bands: tuple[Band, ...] = ()
-    limits: tuple[Level, ...] = ()
-    moments: tuple[Moment, ...] = ()
+    levels: tuple[Level, ...] = ()
     always: tuple[float, ...] = ()
     factor: float = 0.0
+    log: bool = False
 
 
 @dataclass(slots=True)
@@ -138,6 +121,50 @@ class Section:
             self.charts.append(chart)
         else:
             self.silent.append(chart.title)
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A signal of a run that is to be drawn; attributes as of a `Trace`."""
+
+    signal: str
+    role: str
+    label: str = ""
+    style: str = "line"
+    continuous: bool = False
+    reference_of: str = ""
+
+
+def of_signals(
+    run: Run,
+    key: str,
+    title: str,
+    lines: Iterable[Drawn],
+    note: str = "",
+    *,
+    places: bool = False,
+    always: tuple[float, ...] = (),
+) -> Chart | None:
+    """A chart of signals in one unit, with what is expected of them; None where none has a value.
+
+    Args:
+        run: that they are of.
+        key, title, note, always: as of the chart.
+        lines: in drawing order; those without a value are left out.
+        places: whether they stay in mm or deg however small they are.
+    """
+    lines = [line for line in lines if run.column(line.signal) is not None]
+    if not lines:
+        return None
+    columns = [run.columns[line.signal] for line in lines]
+    factor, unit = (plain_scale if places else scale)(run.units[lines[0].signal], size(columns))
+    traces = (
+        Trace(x.label or x.signal, factor * column, x.role, x.style, x.signal, x.continuous,
+              x.reference_of)
+        for x, column in zip(lines, columns, strict=True)
+    )  # fmt: skip
+    bounds = bands(run, [line.signal for line in lines], factor)
+    return Chart(key, title, unit, tuple(traces), note, bounds, always=always, factor=factor)
 
 
 def bands(run: Run, signals: Iterable[str], factor: float) -> tuple[Band, ...]:

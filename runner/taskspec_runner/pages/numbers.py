@@ -1,4 +1,4 @@
-"""Quantities as a robot engineer reads them: mm and deg instead of m and rad."""
+"""Numbers as a robot engineer reads them: mm and deg instead of m and rad."""
 
 from __future__ import annotations
 

@@ -149,9 +149,5 @@ turn.addEventListener("click", () => sort(state.key, !state.down));
 for (const b of kinds) b.addEventListener("click", () => { state.verdict = b.dataset.verdict; refresh(); });
 for (const b of document.querySelectorAll("[data-filter]")) b.addEventListener("click", () => choose(b.dataset.filter));
 
-const folded = [...document.querySelectorAll("details:not([open])")];
-addEventListener("beforeprint", () => { for (const d of folded) d.open = true; });
-addEventListener("afterprint", () => { for (const d of folded) d.open = false; });
-
 head();
 refresh();

@@ -1,55 +1,13 @@
-/* Charts of worlds as SVG. Colours are classes and variables of the style sheet; what succeeded and what did not also
-   differ in form. */
+/* Charts of worlds. What succeeded and what did not also differ in form. */
 
-const LEFT = 68, RIGHT = 16, TOP = 10, BOTTOM = 26, LANE = 24;
-/** Letters of the small text are at most so wide [px]; a point is met by a pointer within so much. */
-const LETTER = 6.1, NEAR = 16;
+/** Room for worlds without a margin; a point is met by a pointer within so much [px]. */
+const LANE = 24, NEAR = 16;
 /** From so many worlds on, points are small and pale. */
 const MANY = 3000;
 /** Values of a column that are so few are places of their own on a map. */
 const PLACES = 12;
 /** The narrowest cell of a map whose number does not touch the next one. */
 const CELL = 32;
-
-class Chart {
-  constructor(figure) {
-    this.figure = figure;
-    this.box = figure.querySelector(".plot");
-    this.title = figure.querySelector("h3").textContent.trim();
-    this.svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-    this.svg.setAttribute("aria-hidden", "true");
-    this.box.prepend(this.svg);
-  }
-
-  /** Draws it as large as its place is; nothing where that is not seen. */
-  draw() {
-    const width = this.width = this.box.clientWidth, height = this.box.clientHeight;
-    if (!width) return;
-    this.inner = { width: Math.max(width - LEFT - RIGHT, 1), height: Math.max(height - TOP - BOTTOM, 1) };
-    this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    this.svg.innerHTML = this.content();
-  }
-
-  column(x) { return LEFT + ((x - this.x[0]) / (this.x[1] - this.x[0])) * this.inner.width; }
-
-  row(y) { return TOP + ((this.y[1] - y) / (this.y[1] - this.y[0])) * this.inner.height; }
-
-  across(marks) {
-    const foot = this.box.clientHeight - BOTTOM;
-    return marks.map(({ at, text }) => {
-      const x = this.column(at), over = x + (LETTER * text.length) / 2 > this.width - 2;
-      const place = over ? `class="mid last" text-anchor="end" x="${px(this.width - 2)}"` : `class="mid" x="${px(x)}"`;
-      return `<path class="tick" d="M${px(x)} ${foot}v4"/><text ${place} y="${foot + 17}">${text}</text>`;
-    }).join("");
-  }
-
-  upwards(marks) {
-    return marks.map(({ at, text }) => {
-      const y = this.row(at);
-      return `<path class="grid" d="M${LEFT} ${px(y)}h${px(this.inner.width)}"/><text class="end" x="${LEFT - 8}" y="${px(y + 4)}">${text}</text>`;
-    }).join("");
-  }
-}
 
 /** From the least to the largest of some numbers, with a little room; of one number, about it. */
 function spread(values, room) {
@@ -59,9 +17,6 @@ function spread(values, room) {
   const size = high - low || Math.abs(high) || 1;
   return [low - room * size, high + room * size];
 }
-
-const marksAcross = (chart, [low, high]) => ticks(low, high, Math.max(4, Math.round(chart.inner.width / 75)));
-const marksUpwards = (chart, [low, high]) => ticks(low, high, Math.max(3, Math.round(chart.inner.height / 32)));
 
 /* ---- the least margin over a parameter ---- */
 
@@ -78,19 +33,16 @@ const ended = margin ? margin.values.every(Number.isFinite) : false;
 
 class Scatter extends Chart {
   constructor(figure) {
-    super(figure);
+    super(figure, 10, ended ? BOTTOM : BOTTOM + LANE);
     this.data = columnOf(figure.dataset.chart);
     this.x = spread(this.data.values, 0.03);
     this.y = margins.range;
     this.box.classList.add("points");
     this.box.classList.toggle("many", count >= MANY);
-    this.box.setAttribute("aria-label", `Least margin over ${this.title}: left and right go from world to world, Enter shows it in the table`);
-    this.tip = document.createElement("div");
-    this.tip.className = "tip";
-    this.box.append(this.tip);
-    const list = figure.querySelector(".legend");
-    entry(list, `<path class="good-dot" stroke-linecap="round" stroke-width="6" d="M12 5h0"/>`, "succeeded");
-    entry(list, `<path class="bad-cross" d="M8.5 1.5l7 7m0-7l-7 7"/>`, "did not");
+    this.name(" and the least margin: left and right go from world to world, Enter shows it in the table");
+    this.tip = this.layer("tip");
+    entry(this.list, `<path class="good-dot" stroke-linecap="round" stroke-width="6" d="M12 5h0"/>`, "succeeded");
+    entry(this.list, `<path class="bad-cross" d="M8.5 1.5l7 7m0-7l-7 7"/>`, "did not");
     if (margins.below) figure.querySelector(".note").append(`; ${margins.below} far below at the lower edge`);
   }
 
@@ -99,13 +51,13 @@ class Scatter extends Chart {
     const value = this.data.values[i];
     if (!Number.isFinite(value)) return null;
     const y = margin ? margin.values[i] : NaN;
-    return [this.column(value), Number.isFinite(y) ? this.row(Math.max(y, margins.least)) : TOP + this.inner.height + LANE / 2 + 2];
+    return [this.column(value), Number.isFinite(y) ? this.row(Math.max(y, margins.least)) : this.foot + LANE / 2 + 2];
   }
 
-  content() {
-    if (!ended) this.inner.height -= LANE;
-    const size = count < 400 ? 3 : count < MANY ? 2.2 : 1.6, foot = TOP + this.inner.height;
-    const parts = [[], []];
+  inside() { return this.grid(); }
+
+  beside() {
+    const size = count < 400 ? 3 : count < MANY ? 2.2 : 1.6, { top, foot } = this, parts = [[], []], zero = this.row(0);
     this.places = [];
     for (let i = 0; i < count; i++) {
       const at = this.places[i] = this.place(i);
@@ -114,10 +66,11 @@ class Scatter extends Chart {
       parts[success[i]].push(success[i] ? `M${x} ${y}h0` : `M${px(at[0] - size)} ${px(at[1] - size)}l${2 * size} ${2 * size}m0-${2 * size}l-${2 * size} ${2 * size}`);
     }
     const lane = ended ? "" : `<rect class="lane" x="${LEFT}" y="${foot + 4}" width="${this.inner.width}" height="${LANE - 4}"/><text class="end" x="${LEFT - 8}" y="${foot + LANE / 2 + 6}">no end</text>`;
-    const just = this.row(0) > TOP && this.row(0) < foot ? `<path class="zero just" d="M${LEFT} ${px(this.row(0))}h${px(this.inner.width)}"/>` : "";
-    return this.upwards(marksUpwards(this, this.y).map((m) => ({ ...m, text: `${m.text} %` }))) + just + lane + this.across(marksAcross(this, this.x))
-      + `<path class="bad-cross" d="${parts[0].join("")}"/><path class="good-dot" stroke-linecap="round" stroke-width="${2 * size}" d="${parts[1].join("")}"/><g class="aimed"></g>`;
+    const just = zero > top && zero < foot ? `<path class="zero just" d="M${LEFT} ${px(zero)}h${px(this.inner.width)}"/>` : "";
+    return `${just}${lane}<path class="bad-cross" d="${parts[0].join("")}"/><path class="good-dot" stroke-linecap="round" stroke-width="${2 * size}" d="${parts[1].join("")}"/><g class="aimed"></g>`;
   }
+
+  marksUp() { return super.marksUp().map((m) => ({ ...m, text: `${m.text} %` })); }
 
   /** The world whose point is nearest to a place of the screen; -1 without one near. */
   near(event) {
@@ -143,7 +96,7 @@ class Scatter extends Chart {
   }
 
   /** The next world to the left or right of one. */
-  beside(i, way) {
+  next(i, way) {
     const order = this.order ??= [...sweep.worlds.keys()].filter((j) => this.places[j]).sort((a, b) => this.data.values[a] - this.data.values[b]);
     const at = order.indexOf(i);
     return order[at < 0 ? (way > 0 ? 0 : order.length - 1) : Math.min(Math.max(at + way, 0), order.length - 1)];
@@ -168,13 +121,13 @@ function pieces(column, most) {
 class SuccessMap extends Chart {
   constructor(figure) {
     super(figure);
-    this.axes = Object.fromEntries([...document.querySelectorAll("[data-axis]")].map((s) => [s.dataset.axis, s]));
-    for (const s of Object.values(this.axes)) s.addEventListener("change", () => this.draw());
+    this.choices = Object.fromEntries([...document.querySelectorAll("[data-axis]")].map((s) => [s.dataset.axis, s]));
+    for (const s of Object.values(this.choices)) s.addEventListener("change", () => this.draw());
     this.box.removeAttribute("tabindex");
   }
 
-  content() {
-    const [across, up] = ["x", "y"].map((axis) => columnOf(this.axes[axis].value));
+  measure() {
+    const [across, up] = ["x", "y"].map((axis) => columnOf(this.choices[axis].value));
     // So many that a cell has some six worlds, if they are spread evenly.
     const most = Math.min(Math.max(Math.round(Math.sqrt(count / 6)), 3), 10);
     const [a, b] = [pieces(across, Math.min(most, Math.max(Math.floor(this.inner.width / CELL), 3))), pieces(up, most)], good = new Uint32Array(a.count * b.count), all = good.slice();
@@ -187,10 +140,14 @@ class SuccessMap extends Chart {
     }
     this.x = [0, a.count];
     this.y = [0, b.count];
+    Object.assign(this, { a, b, good, all });
     const named = (c) => `${c.label}${c.unit && ` [${c.unit}]`}`;
     this.figure.querySelector(".note").textContent = `over ${named(across)} and, upwards, ${named(up)}`;
-    this.box.setAttribute("aria-label", `${this.title} over ${across.label} and ${up.label}`);
-    const width = this.inner.width / a.count, height = this.inner.height / b.count;
+    this.name(` over ${across.label} and ${up.label}`);
+  }
+
+  inside() {
+    const { a, b, good, all } = this, width = this.inner.width / a.count, height = this.inner.height / b.count;
     let drawn = "";
     all.forEach((n, cell) => {
       const x = LEFT + (cell % a.count) * width, y = this.row(Math.floor(cell / a.count) + 1), share = n ? good[cell] / n : 0;
@@ -201,9 +158,12 @@ class SuccessMap extends Chart {
       drawn += `<text class="percent" x="${middle}" y="${px(y + height / 2 + (below ? 0 : 4))}">${Math.round(100 * share)}</text>`;
       if (below) drawn += `<text class="few" x="${middle}" y="${px(y + height / 2 + 13)}">${good[cell]} of ${n}</text>`;
     });
-    const upright = b.marks.map(({ at, text }) => `<text class="end" x="${LEFT - 8}" y="${px(this.row(at) + 4)}">${text}</text>`).join("");
-    return drawn + upright + this.across(a.marks);
+    return drawn;
   }
+
+  marksUp() { return this.b.marks; }
+
+  marksAcross() { return this.a.marks; }
 }
 
 /* ---- how many worlds have which peak ---- */
@@ -220,9 +180,8 @@ class Histogram extends Chart {
     this.data = columnOf(figure.dataset.chart);
     this.hatch = `hatch-${figure.dataset.chart.replace(/\W/g, "-")}`;
     this.box.removeAttribute("tabindex");
-    const list = figure.querySelector(".legend");
-    entry(list, `<path class="column-good" d="M4 0H20V10H4Z"/>`, "succeeded");
-    entry(list, `<path class="hatch" fill="none" d="M6 9L12 1M12 9L18 1"/><path class="column-bad" fill="none" d="M4 .5H20V9.5H4Z"/>`, "did not");
+    entry(this.list, `<path class="column-good" d="M4 0H20V10H4Z"/>`, "succeeded");
+    entry(this.list, `<path class="hatch" fill="none" d="M6 9L12 1M12 9L18 1"/><path class="column-bad" fill="none" d="M4 .5H20V9.5H4Z"/>`, "did not");
     const known = this.data.values.filter(Number.isFinite), last = edgeOf(this.data.values), [low, high] = spread(known.map((v) => Math.min(v, last)), 0);
     const beyond = this.beyond = known.filter((v) => v > last).length;
     if (beyond) figure.querySelector(".note").append(`${beyond} far above in the last column`);
@@ -238,13 +197,14 @@ class Histogram extends Chart {
     });
     this.x = [this.first * this.step, (this.first + this.counts.length) * this.step];
     this.y = [0, 1.05 * Math.max(1, ...this.counts.map(([bad, good]) => bad + good))];
-    this.box.setAttribute("aria-label", `${this.title}: in how many worlds it is how large, from ${shown(low)} to ${shown(high)} ${this.data.unit}`);
+    this.name(`: in how many worlds it is how large, from ${shown(low)} to ${shown(high)} ${this.data.unit}`);
   }
 
-  content() {
+  marksUp() { return super.marksUp().filter(({ at }) => Number.isInteger(Math.round(at * 1e6) / 1e6)); }
+
+  inside() {
     const foot = this.row(0), width = this.inner.width / this.counts.length, gap = width > 6 ? 1 : 0;
-    const whole = marksUpwards(this, this.y).filter(({ at }) => Number.isInteger(Math.round(at * 1e6) / 1e6));
-    let drawn = `<defs><pattern id="${this.hatch}" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)"><path class="hatch" d="M0 0V6"/></pattern></defs>` + this.upwards(whole);
+    let drawn = `<defs><pattern id="${this.hatch}" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)"><path class="hatch" d="M0 0V6"/></pattern></defs>` + this.grid();
     this.counts.forEach(([bad, good], i) => {
       const x = LEFT + i * width + gap / 2, wide = Math.max(width - gap, 0.5), middle = this.row(good), top = this.row(good + bad);
       const from = shown((this.first + i) * this.step), to = shown((this.first + i + 1) * this.step);
@@ -253,17 +213,15 @@ class Histogram extends Chart {
       if (good) drawn += `<rect class="column-good" x="${px(x)}" y="${px(middle)}" width="${px(wide)}" height="${px(foot - middle)}">${title}</rect>`;
       if (bad) drawn += `<rect class="column-bad" fill="url(#${this.hatch})" x="${px(x)}" y="${px(top)}" width="${px(wide)}" height="${px(middle - top)}">${title}</rect>`;
     });
-    return drawn + this.across(marksAcross(this, this.x));
+    return drawn;
   }
 }
 
 /* ---- all of them ---- */
 
 const KINDS = { scatter: Scatter, map: SuccessMap, histogram: Histogram };
-const charts = [...document.querySelectorAll("[data-chart]")].map((figure) => new KINDS[sweep.charts[figure.dataset.chart]](figure));
+for (const figure of document.querySelectorAll("[data-chart]")) new KINDS[sweep.charts[figure.dataset.chart]](figure);
 const scatters = charts.filter((c) => c instanceof Scatter);
-
-function drawAll() { for (const c of charts) c.draw(); }
 
 let aimed = -1;
 
@@ -282,18 +240,8 @@ for (const c of scatters) {
     const way = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
     if (event.ctrlKey || event.metaKey || (!way && event.key !== "Enter")) return;
     event.preventDefault();
-    if (way) aimAt(c.beside(aimed, way), c);
+    if (way) aimAt(c.next(aimed, way), c);
     else if (aimed >= 0) choose(`world = ${sweep.worlds[aimed]}`);
   });
 }
-for (const b of document.querySelectorAll("[data-save]")) {
-  b.addEventListener("click", () => save(charts.find((c) => c.figure === b.closest("figure")), b.dataset.save));
-}
-for (const d of document.querySelectorAll("details.charts")) d.addEventListener("toggle", drawAll);
-
-let wait = 0;
-addEventListener("resize", () => { clearTimeout(wait); wait = setTimeout(drawAll, 80); });
-addEventListener("beforeprint", drawAll);
-addEventListener("afterprint", drawAll);
-matchMedia("print").addEventListener("change", drawAll);
 drawAll();

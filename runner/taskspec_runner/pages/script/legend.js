@@ -3,7 +3,7 @@
 function stroke(trace) { return `<path class="trace ${trace.style}" style="stroke:var(--${trace.role})" d="M0 5H24"/>`; }
 
 function legend(plot) {
-  const list = plot.figure.querySelector(".legend");
+  const { list } = plot;
   for (const trace of plot.traces) {
     if (trace.reference_of) continue;
     trace.reference = plot.traces.find((t) => t.reference_of === trace.label);
@@ -29,7 +29,6 @@ function legend(plot) {
     entry(list, drawn, band.text + missed);
   }
   for (const level of distinct(plot.levels, (b) => b.text)) entry(list, `<path class="level ${level.kind} ${level.look}" d="M0 5H24"/>`, level.text);
-  for (const each of distinct(plot.moments, (b) => b.text)) entry(list, `<path class="upright ${each.kind}" d="M12 0V10"/>`, each.text);
   for (const each of distinct(run.events, (e) => e.kind)) entry(list, `<path class="upright ${each.kind}" d="M12 0V10"/>`, UPRIGHTS[each.kind]);
 }
 
@@ -38,7 +37,7 @@ const UPRIGHTS = { event: "a stage ends", broken: "an expectation is broken", st
 const distinct = (list, key) => list.filter((a, i) => list.findIndex((b) => key(a) === key(b)) === i);
 
 /** The charts that a legend's click is about, and the traces of a chart that go by a name. */
-const linked = (plot, trace) => (run.linked && !trace.own ? plots : [plot]);
+const linked = (plot, trace) => (run.linked && !trace.shared ? charts : [plot]);
 const shows = (plot, each, trace) => (each === plot && !run.linked ? (t) => t === trace : (t) => t.label === trace.label);
 
 function turn(traces, shown) {
@@ -57,7 +56,7 @@ function toggle(plot, trace) {
 
 /** Shows one line alone; all of them if it is alone already. A reference that several lines share stays. */
 function isolate(plot, trace) {
-  const others = (each) => each.traces.filter((t) => !t.reference_of && !t.own && !shows(plot, each, trace)(t));
+  const others = (each) => each.traces.filter((t) => !t.reference_of && !t.shared && !shows(plot, each, trace)(t));
   const alone = trace.shown && !others(plot).some((t) => t.shown);
   for (const each of linked(plot, trace)) {
     turn(others(each), alone);
@@ -67,6 +66,6 @@ function isolate(plot, trace) {
 }
 
 function redraw() {
-  for (const each of plots) each.draw(view);
+  drawAll();
   aim();
 }
