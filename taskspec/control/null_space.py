@@ -1,4 +1,4 @@
-"""What a redundant arm does with the joints that its task leaves free.
+"""Goals of a redundant arm in the null space of its task.
 
 Every goal gives a pull (n,) [rad, m]: how far the arm would be from a posture that pulls as hard.
 `acceleration` makes of their sum what resolution sends through the dynamically consistent projector

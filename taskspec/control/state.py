@@ -1,4 +1,4 @@
-"""What a law sees: the arm and the contact, resolved in the task frame's axes."""
+"""The state that a law measures: the arm and the contact, resolved in the task frame's axes."""
 
 from __future__ import annotations
 

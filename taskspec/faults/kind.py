@@ -57,7 +57,7 @@ def anywhere(*dimensions: Dimension) -> Sizes:
 
 @dataclass(slots=True)
 class Shown:
-    """What some channels of a device show in a tick.
+    """The readings of some channels of a device in a tick.
 
     Attributes:
         values: (channels,).
@@ -73,7 +73,7 @@ class Shown:
 
     @property
     def vectors(self) -> tuple[Vector, ...]:
-        """All of it."""
+        """All vectors of its state."""
         return (self.values,) if self.rates is None else (self.values, self.rates)
 
     def copy(self) -> Shown:

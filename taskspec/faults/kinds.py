@@ -47,7 +47,7 @@ class _Held(FaultKind):
         self._last: Shown | None = None
 
     def passes(self, shown: Shown) -> None:
-        """Keeps them."""
+        """Keeps the readings of this tick."""
         self._last = shown.copy()
 
     def spoil(self, shown: Shown) -> None:
@@ -71,7 +71,7 @@ class Sticks(_Held):
     word, sizes = "sticks", anywhere()
 
     def spoil(self, shown: Shown) -> None:
-        """The last value, at rest."""
+        """The last value; a velocity of 0 for an encoder."""
         super().spoil(shown)
         if shown.rates is not None:
             shown.rates[:] = 0.0
@@ -84,7 +84,7 @@ class Lost(FaultKind):
     word, sizes = "lost", anywhere()
 
     def spoil(self, shown: Shown) -> None:
-        """Zero."""
+        """0 in place of each value."""
         for each in shown.vectors:
             each[:] = 0.0
 
@@ -109,7 +109,7 @@ class Bias(_Sized):
     word, sizes, examples = "bias", OF_DEVICE, AMOUNTS
 
     def change(self, values: Vector) -> None:
-        """Adds it."""
+        """Adds its offset of this tick."""
         values += self.size
 
 
@@ -134,7 +134,7 @@ class Amplifies(FaultKind):
     least, most = -100.0, 100.0
 
     def spoil(self, shown: Shown) -> None:
-        """Multiplies."""
+        """Each value times the factor."""
         for each in shown.vectors:
             each *= self.size
 
@@ -146,7 +146,7 @@ class Flips(FaultKind):
     word, sizes = "flips", anywhere()
 
     def spoil(self, shown: Shown) -> None:
-        """Changes signs."""
+        """Each value with the opposite sign."""
         for each in shown.vectors:
             each *= -1.0
 
@@ -158,7 +158,7 @@ class Swaps(FaultKind):
     word, sizes, channels = "swaps", anywhere(), 2
 
     def spoil(self, shown: Shown) -> None:
-        """Exchanges them."""
+        """The values of the two channels, exchanged."""
         for each in shown.vectors:
             each[:] = each[::-1].copy()
 
@@ -170,7 +170,7 @@ class Rustles(_Sized):
     word, sizes, examples, least = "noise", OF_DEVICE, AMOUNTS, 0.0
 
     def change(self, values: Vector) -> None:
-        """Adds what is drawn."""
+        """Adds the noise drawn for this tick."""
         values += self.size * self.random.standard_normal(len(values))
 
 
@@ -181,7 +181,7 @@ class Spikes(_Sized):
     word, sizes, examples, recurs = "spikes", OF_DEVICE, AMOUNTS, True
 
     def change(self, values: Vector) -> None:
-        """Adds it."""
+        """Adds its offset of this tick."""
         values += self.size
 
     def spoil(self, shown: Shown) -> None:
@@ -204,13 +204,13 @@ class Late(FaultKind):
         self._line: deque[Shown] = deque(maxlen=1 + _ticks(self.size, period))
 
     def passes(self, shown: Shown) -> None:
-        """Lines them up."""
+        """Queues the readings until their delay is over."""
         if self._line and self._line[-1].tick == shown.tick:
             self._line.pop()  # a run begins with a look at what there is
         self._line.append(shown.copy())
 
     def spoil(self, shown: Shown) -> None:
-        """Those of a while ago."""
+        """The values of one delay ago."""
         shown.become(self._line[0])
 
 
@@ -222,5 +222,5 @@ class Clips(FaultKind):
     sizes: ClassVar[Sizes] = {each: OF_DEVICE[each] for each in (SENSOR, TORQUE)}
 
     def spoil(self, shown: Shown) -> None:
-        """Cuts off what is more."""
+        """Each value, clipped to the bound."""
         shown.values.clip(-self.size, self.size, out=shown.values)

@@ -42,7 +42,7 @@ class Axis(StrEnum):
 
     @property
     def effort(self) -> str:
-        """What acts on it: `force` or `torque`."""
+        """The kind of effort on it: `force` or `torque`."""
         return "torque" if self.is_rotation else "force"
 
     def of(self, dimension: Dimension) -> Dimension:

@@ -1,4 +1,4 @@
-"""What a law is filled in with."""
+"""The inputs of a law."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class JointReference:
 
 
 @dataclass(frozen=True, slots=True)
-class FreeWays:
+class FreeDirections:
     """Twists of the control point that a held mechanism leaves free, on the task axes.
 
     Attributes:
@@ -61,7 +61,8 @@ class Case:
         normal: names of the motion axes along a contact's normal.
         posture: (n,) acceleration that a redundant arm has in its null space, else None.
         constraints: of a stage under a law with multipliers; None where it has none.
-        ways: of the mechanism that it holds, where the law takes the form for that; else None.
+        free: directions of the mechanism that it holds, where the law takes the form for that;
+            else None.
         joints: reference of a path of joints; None where the axes of the tool are controlled.
     """
 
@@ -74,7 +75,7 @@ class Case:
     normal: tuple[Axis, ...] = ()
     posture: ca.SX | None = None
     constraints: Multipliers | None = None
-    ways: FreeWays | None = None
+    free: FreeDirections | None = None
     joints: JointReference | None = None
 
     def gain(self, name: str, axis: Axis) -> float:

@@ -83,7 +83,7 @@ def diagonal(gains: Gains, name: str, axes: Sequence[str], default: float = 0.0)
 
 @dataclass(frozen=True, slots=True)
 class AxisPlant:
-    """What the design of one axis knows about arm and contact.
+    """Arm and contact on one axis, for the design of its gains.
 
     Attributes:
         h: effective mass along the axis while the others are free, 1/(J H^-1 J^T)_ii [kg, kg m^2].

@@ -50,7 +50,7 @@ class Hybrid(ControlLaw):
 
     def command(self, case: Case) -> Command:
         """The three equations, each on its axes; on a mechanism perhaps the form for that."""
-        if case.ways is not None:
+        if case.free is not None:
             return on_mechanism(case)
         state, reference = case.state, case.reference
         K_P, K_D = case.diagonals("K_P", "K_D")
@@ -102,12 +102,12 @@ def on_mechanism(case: Case) -> Command:
 
     A damping of the file is added to that along its axis.
     """
-    assert case.ways is not None
+    assert case.free is not None
     drives = {a: _drive(case, a, own=False) for a in (*case.force, *case.soft)}
     # Loaded here: it needs CasADi, which a file that is only read does not.
     from taskspec.laws import mechanism_form
 
-    return mechanism_form.command(case, case.ways, drives, *case.diagonals("K_P", "K_D"))
+    return mechanism_form.command(case, case.free, drives, *case.diagonals("K_P", "K_D"))
 
 
 def force_drive(

@@ -44,7 +44,7 @@ class HybridMultipliers(ControlLaw):
 
     def command(self, case: Case) -> Command:
         """(4.106) with K_lambda [1] and K_I [1/s] diagonal."""
-        if case.ways is not None:
+        if case.free is not None:
             return on_mechanism(case)
         wanted, released = case.joint_motion(), case.applied(case.reference.released)
         on = case.constraints

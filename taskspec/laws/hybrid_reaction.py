@@ -43,7 +43,7 @@ class HybridReaction(ControlLaw):
 
     def command(self, case: Case) -> Command:
         """(4.121) with K_F diagonal on the coordinates of q_1."""
-        if case.ways is not None:
+        if case.free is not None:
             return on_mechanism(case)
         wanted, released = case.joint_motion(), case.applied(case.reference.released)
         on = case.constraints

@@ -41,7 +41,7 @@ class Impedance(ControlLaw):
 
         In the form for a held mechanism H_m is Lambda, and no measured force is taken off.
         """
-        if case.ways is not None:
+        if case.free is not None:
             return _on_mechanism(case)
         state, reference = case.state, case.reference
         mass, stiffness, damping = case.diagonals("mass", "stiffness", "damping")

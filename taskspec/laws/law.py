@@ -132,7 +132,7 @@ class ControlLaw(ABC):
         return give_way(gains, axes, "force.damping")
 
     def pulls(self, gains: Mapping[str, float], rate: float) -> float:  # noqa: ARG002
-        """What a motion on a force axis adds to its set point [N].
+        """The force that a motion on a force axis adds to its set point [N].
 
         Args:
             gains: on the axis, by name [SI].

@@ -27,7 +27,7 @@ from taskspec.control import linear
 from taskspec.control.command import Command
 from taskspec.control.state import ARM_LENGTH
 from taskspec.geometry.axis import Axis
-from taskspec.laws.case import Case, FreeWays
+from taskspec.laws.case import Case, FreeDirections
 
 #: The damper takes away what it damps at this rate [1/s], or at a third of the sampling's.
 _RATE = 100.0
@@ -39,13 +39,13 @@ def damping_rate(period: float) -> float:
 
 
 def command(
-    case: Case, ways: FreeWays, drives: dict[Axis, ca.SX], K_P: ca.DM, K_D: ca.DM
+    case: Case, free: FreeDirections, drives: dict[Axis, ca.SX], K_P: ca.DM, K_D: ca.DM
 ) -> Command:
     """The form's command.
 
     Args:
         case: the stage.
-        ways: what its mechanism leaves free.
+        free: what its mechanism leaves free.
         drives: what the robot applies on force axes and soft ones [N, N m], without the damper.
         K_P, K_D: (m,) of the motion axes [1/s^2, 1/s].
     """
@@ -54,7 +54,7 @@ def command(
     L = linear.solve(linear.cholesky(state.mobility), ca.SX.eye(m))
     moving = [a for a in state.axes if a not in drives]
     rows = state.rows(moving)
-    others, T = ways.others, _clear_of(ways.driven, ways.others, L)
+    others, T = free.others, _clear_of(free.driven, free.others, L)
 
     wrench = ca.SX.zeros(m)
     for axis, drive in drives.items():
@@ -75,10 +75,10 @@ def command(
         block = linear.cholesky(state.mobility[rows, rows])
         wrench[rows] += linear.solve(block, K_P[rows] * held[rows])
     momentum = L @ (state.velocity - reference.velocity)
-    free = ca.horzcat(T, others)
-    if free.shape[1]:
-        momentum = momentum - _onto(free, L, momentum)
-    return Command(acceleration=acceleration, wrench=wrench - ways.rate * momentum)
+    twists = ca.horzcat(T, others)
+    if twists.shape[1]:
+        momentum = momentum - _onto(twists, L, momentum)
+    return Command(acceleration=acceleration, wrench=wrench - free.rate * momentum)
 
 
 def _clear_of(T: ca.SX, others: ca.SX, L: ca.SX) -> ca.SX:

@@ -50,7 +50,7 @@ class Parallel(ControlLaw):
 
     def command(self, case: Case) -> Command:
         """(4.36)-(4.38) with diagonal gains; K_F, K_I are zero on other axes without a force."""
-        if case.ways is not None:
+        if case.free is not None:
             return _on_mechanism(case)
         state, reference = case.state, case.reference
         mass, stiffness, damping = case.diagonals("mass", "stiffness", "damping")
@@ -98,7 +98,7 @@ def _on_mechanism(case: Case) -> Command:
     A motion axis has K_P = k_m / h_m and K_D = d_m / h_m; on a force axis the robot applies
     k_m e + f_d + (K_F - 1)(f_d - f) + K_I int (f_d - f) dt, since f itself acts, K_F = 1.
     """
-    assert case.ways is not None
+    assert case.free is not None
     state, reference = case.state, case.reference
     mass, stiffness, damping = case.diagonals("mass", "stiffness", "damping")
     drives = {}
@@ -114,4 +114,4 @@ def _on_mechanism(case: Case) -> Command:
     # Loaded here: it needs CasADi, which a file that is only read does not.
     from taskspec.laws import mechanism_form
 
-    return mechanism_form.command(case, case.ways, drives, K_P, K_D)
+    return mechanism_form.command(case, case.free, drives, K_P, K_D)

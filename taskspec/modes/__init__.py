@@ -1,7 +1,7 @@
-"""What an axis does during a stage: one class for each mode, which says all that depends on it.
+"""Modes of an axis in a stage: one class for each, with all that depends on it.
 
 To add one, derive it from `AxisMode`, and `register` it before the language is imported. Reading a
-file needs no numerical library, so a mode's module imports none before it is asked.
+file needs no numerical library, so a mode's module imports none before its first use.
 """
 
 from taskspec.modes.coupling import Coupling, UncoupledError
@@ -14,12 +14,12 @@ from taskspec.modes.mode import (
     MOVE_SPEED,
     AxisMode,
     Blending,
+    Displacement,
     HandOver,
     Known,
     OwnReference,
     ReferenceInputs,
     StageStart,
-    Way,
     from_start,
     move_speed,
     to_coordinate,
@@ -50,6 +50,7 @@ __all__ = [
     "AxisMode",
     "Blending",
     "Coupling",
+    "Displacement",
     "Follows",
     "Force",
     "FreeAxis",
@@ -67,7 +68,6 @@ __all__ = [
     "StageStart",
     "UncoupledError",
     "Velocity",
-    "Way",
     "all_modes",
     "axis_keys",
     "companions",

@@ -1,4 +1,4 @@
-"""How a mechanism couples an axis to the others of its stage."""
+"""Coupling of an axis to the others of its stage by a mechanism."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from taskspec.geometry.axis import Axis
 
 
 class UncoupledError(ValueError):
-    """Why a mechanism's geometry asks for no motion of an axis; `hint` says what to do."""
+    """Why a mechanism's geometry gives no motion of an axis; `hint` says what to do."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -16,7 +16,7 @@ class UncoupledError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Coupling:
-    """How one axis follows: `ratio` times the reference of `leader`, else times the angle.
+    """The coupling of one axis: `ratio` times the reference of `leader`, else times the angle.
 
     The ratio is in m/rad or rad/rad; it is 0 where the frame itself turns with the handle.
     """

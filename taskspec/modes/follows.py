@@ -1,6 +1,6 @@
 """`follows`: axes that move as a mechanism's geometry couples them to the others.
 
-About the mechanism's axis the tool turns with the angle that the handle's place tells. Along it the
+About the mechanism's axis the tool turns with the angle of the handle's place. Along it the
 tool goes by the lead for every angle: that which another axis of the stage commands, so that both
 move in step, else the one that is measured.
 """
@@ -48,7 +48,7 @@ class Follows(AxisMode):
     leads = False
 
     def reference(self, at: ReferenceInputs) -> OwnReference:
-        """r = r_0 + ratio times the leader's way, or times the angle, since the stage start.
+        """r = r_0 + ratio times the leader's displacement or angle since the stage start.
 
         A measured angle gives no acceleration.
         """
@@ -78,14 +78,14 @@ class Follows(AxisMode):
         )
 
     def coupling(self, stage: PlannedStage, axis: Axis) -> Coupling:
-        """How it follows the mechanism.
+        """The coupling of the axis to the mechanism.
 
         Args:
             stage: of the axis.
             axis: which.
 
         Raises:
-            UncoupledError: the geometry asks for no motion of this axis, or it is not known.
+            UncoupledError: the geometry gives no motion of this axis, or it is not known.
         """
         context, frame, followed = stage.context, stage.frame, self.follows
         mechanism = context.mechanisms[followed]
@@ -124,9 +124,9 @@ class Follows(AxisMode):
 
     @property
     def loop(self) -> tuple[object, ...]:
-        """What it follows."""
+        """The name of the mechanism that it follows."""
         return (self.follows,)
 
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
-        """What it follows."""
+        """The artificial constraint in words: the mechanism that it follows."""
         return f"{axis} follows {self.follows}"

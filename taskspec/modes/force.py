@@ -21,7 +21,8 @@ class Force:
     Attributes:
         wanted: what the robot is to apply to the environment [N, N m].
         ramp: in which it is reached [s]; None for the default.
-        kept: it is what the stage before commanded last; `wanted` is that as far as the file tells.
+        kept: it is what the stage before commanded last; `wanted` is that as far as the file
+            determines it.
         keys: in a file: that of translations, that of rotations, and their companion.
     """
 
@@ -66,7 +67,7 @@ class Force:
         return DEFAULT_RAMP if self.ramp is None else self.ramp
 
     def constraint(self, force: str) -> str:
-        """What it asks for.
+        """The artificial constraint in words: its set point.
 
         Args:
             force: its symbol.

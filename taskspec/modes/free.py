@@ -1,4 +1,4 @@
-"""`free`: an axis that gives way to any force."""
+"""`free`: an axis that yields to any force."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class FreeAxis(AxisMode):
             "free",
             "Free",
             switch=True,
-            meaning="It gives way: a force or moment of 0; no stiffness under laws without a "
+            meaning="It yields: a force or moment of 0; no stiffness under laws without a "
             "force loop.",
             examples=(True,),
         ),
@@ -72,7 +72,7 @@ class FreeAxis(AxisMode):
 
     @property
     def set_point(self) -> Force:
-        """Zero."""
+        """A set point of 0 N, or 0 N m."""
         return Force(Expression("0", Number(0.0, FORCE), FORCE), None)
 
     def reference(self, at: ReferenceInputs) -> OwnReference:

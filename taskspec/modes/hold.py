@@ -74,7 +74,7 @@ class Hold(AxisMode):
 
     @property
     def set_point(self) -> Force | None:
-        """What the stage before commanded last, for an axis that holds its force."""
+        """The last command of the stage before, for an axis that holds its force."""
         return Force(KEPT, None, kept=True) if self.hold == "force" else None
 
     def reference(self, at: ReferenceInputs) -> OwnReference:
@@ -92,11 +92,11 @@ class Hold(AxisMode):
 
     @property
     def loop(self) -> tuple[object, ...]:
-        """Against what it holds."""
+        """The frame against which it holds an orientation."""
         return ("world",) if self.hold == "world" else ()
 
     def constant_rate(self, known: Known) -> float | None:  # noqa: ARG002
-        """Zero."""
+        """0: a held axis has no rate [m/s, rad/s]."""
         return 0.0
 
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:

@@ -1,4 +1,4 @@
-"""What a mode of an axis is: its keys, its reference, its hand-over, its nominal motion, its words.
+"""The mode of an axis: its keys, its reference, its hand-over, its nominal motion, its words.
 
 A mode that a file gives is made of the values of its keys. A reference is written on CasADi
 expressions, nominal motion on numbers. A hand-over is written on both: it is part of the function
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 #: A number, or an expression of what is known when a stage is entered.
 Number = Any
 #: Displacement [m, rad] against time [s].
-Way = Callable[[float], float]
-#: What an expression is worth before a run, at given clocks; None where nothing tells.
+Displacement = Callable[[float], float]
+#: What an expression is worth before a run, at given clocks; None where it is unknown.
 Known = Callable[[Expression, Mapping[str, float] | None], float | None]
 
 #: Speed of a motion along or about an axis that names none [m/s, rad/s] (docs/language.md).
@@ -64,7 +64,7 @@ class MovingReference(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ReferenceInputs:
-    """What the reference of an axis may depend on.
+    """The inputs of the reference of an axis.
 
     Attributes:
         axis: whose it is.
@@ -121,7 +121,7 @@ class OwnReference:
 
 @dataclass(frozen=True, slots=True)
 class Blending:
-    """What is added to a mode's reference after a stage start, and fades out.
+    """The part that is added to a mode's reference after a stage start and fades out.
 
     Attributes:
         value: of what continues the reference that is handed over [m, rad].
@@ -141,7 +141,7 @@ class Blending:
 
 @dataclass(frozen=True, slots=True)
 class StageStart:
-    """What an axis is handed over with, in numbers or expressions.
+    """The state of an axis at a stage start, in numbers or expressions.
 
     Attributes:
         axis: which.
@@ -168,13 +168,13 @@ class StageStart:
 
     @property
     def rate(self) -> Number:
-        """Its rate [m/s, rad/s]."""
+        """Rate of the reference that is handed over [m/s, rad/s]."""
         return self.rates[self.axis]
 
 
 @dataclass(frozen=True, slots=True)
 class HandOver:
-    """How a mode's reference continues the one that is handed over.
+    """The hand-over of a mode's reference from the one before.
 
     r(t) = own(t) + `motion.blend.added`(t, offset, slope, time) + pressed s_0(t/BLEND_TIME).
 
@@ -196,7 +196,7 @@ class HandOver:
     wait: Number = 0.0
 
     def added(self, t: float) -> float:
-        """What it adds to the mode's reference at stage time t [s], but for what is pressed."""
+        """The added displacement at stage time t [s], without the pressed part [m, rad]."""
         more: float = blend.added(t, self.offset, self.slope, self.time)
         return more
 
@@ -208,7 +208,7 @@ def from_start(at: StageStart, own_rate: Number | None = None) -> HandOver:
 
     Args:
         at: the stage start.
-        own_rate: the mode's rate then, where its expression does not tell [m/s, rad/s].
+        own_rate: the mode's rate then, where its expression does not determine it [m/s, rad/s].
     """
     slope = at.rate - (at.own_rate if own_rate is None else own_rate)
     parameters = {f"start.{at.axis}": at.start + slope * blend.BLEND_TIME / 2}
@@ -236,10 +236,10 @@ def to_coordinate(at: StageStart) -> HandOver:
 
 @dataclass(frozen=True, slots=True)
 class AxisMode(ABC):
-    """Who or what decides the reference of an axis, and all that depends on that.
+    """The source of the reference of an axis, and all that depends on it.
 
-    A subclass is a mode; besides these attributes it takes the values of its keys by their names,
-    None for a companion that is left out. What it does not state follows from the base.
+    A subclass is a mode; in addition to these attributes it takes the values of its keys by their
+    names, None for a companion that is left out. What it does not state follows from the base.
 
     Attributes:
         rotation: whether it is of a rotation.
@@ -247,12 +247,12 @@ class AxisMode(ABC):
         keys: in a file: its own, then its companions.
         word: value of its own key where a file writes the name of the mode alone; empty where that
             is no short form.
-        moves: whether it asks for a motion.
+        moves: whether it commands a motion.
         ends: whether it comes to an end, so that a stage may last until then.
         travels: whether it goes away from where it starts, in one direction.
         goes_on: whether it keeps its rate for as long as the stage lasts.
         placed: whether its value is a coordinate of the frame.
-        bends: whether its rate changes on the way.
+        bends: whether its rate changes meanwhile.
         leads: whether another axis may follow its reference.
         lets_go: whether nothing holds it: laws without a force loop give it no stiffness.
     """
@@ -303,7 +303,7 @@ class AxisMode(ABC):
 
     @abstractmethod
     def hand_over(self, at: StageStart) -> HandOver:
-        """How its reference continues the one that is handed over."""
+        """The hand-over of its reference from the one before."""
 
     def track(self, start: Number, rate: Number) -> PiecewiseCubic | None:  # noqa: ARG002
         """The cubics that its reference runs through, which fill its slot `segment`.
@@ -320,7 +320,7 @@ class AxisMode(ABC):
         """How a mechanism couples it to the other axes of a stage; None where none does.
 
         Raises:
-            UncoupledError: the mechanism's geometry asks for no motion of this axis.
+            UncoupledError: the mechanism's geometry gives no motion of this axis.
         """
         return None
 
@@ -354,14 +354,14 @@ class AxisMode(ABC):
         return self.constant_rate(known)
 
     def intended_rate(self, known: Known) -> float | None:
-        """Rate at which it goes most of its way [m/s, rad/s]; None where that is not known."""
+        """Rate over most of its displacement [m/s, rad/s]; None where that is not known."""
         return self.constant_rate(known)
 
     def heading(self, known: Known) -> float | None:  # noqa: ARG002
-        """A number with the sign of the direction in which it goes; None where nothing tells."""
+        """A number with the sign of the direction in which it goes; None where it is unknown."""
         return None
 
-    def way(self, known: Known, start: float) -> Way | None:  # noqa: ARG002
+    def displacement(self, known: Known, start: float) -> Displacement | None:  # noqa: ARG002
         """Displacement of its own reference against its time, where it has no track.
 
         None where that is not known.
@@ -391,12 +391,12 @@ class AxisMode(ABC):
 
     @abstractmethod
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:
-        """What it asks of an axis; empty where it asks for no motion.
+        """The artificial constraint in words; empty where there is none.
 
         Args:
             axis: which.
             rate: symbol of its rate.
-            turns: whether its frame turns on the way.
+            turns: whether its frame turns meanwhile.
         """
 
     def defaults(self, axis: Axis) -> Iterator[tuple[str, str]]:  # noqa: ARG002

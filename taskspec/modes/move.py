@@ -91,16 +91,16 @@ class Move(AxisMode):
         return math.copysign(self.speed, self.move)
 
     def intended_rate(self, known: Known) -> float | None:  # noqa: ARG002
-        """Its speed."""
+        """Its speed, signed [m/s, rad/s]."""
         return math.copysign(self.top, self.move)
 
     def heading(self, known: Known) -> float | None:  # noqa: ARG002
-        """The distance."""
+        """Its distance, signed [m, rad]."""
         return self.move
 
     @property
     def distance(self) -> tuple[float, float]:
-        """How far it goes [m, rad] and how fast [m/s, rad/s]."""
+        """Its distance [m, rad] and greatest rate [m/s, rad/s]."""
         return abs(self.move), self.top
 
     @property
@@ -109,11 +109,11 @@ class Move(AxisMode):
         return "move" if self.speed is None else "speed"
 
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
-        """How far and how fast."""
+        """The artificial constraint in words: distance and speed."""
         return f"{axis} moves {show(self.move, axis.of(LENGTH))} at {self._speed(axis)}"
 
     def defaults(self, axis: Axis) -> Iterator[tuple[str, str]]:
-        """Its speed."""
+        """The default speed, where the file gives none."""
         if self.speed is None:
             yield "speed", self._speed(axis)
 

@@ -36,9 +36,9 @@ class OnPath(AxisMode):
         return at.in_time(at.on_path[at.axis])
 
     def hand_over(self, at: StageStart) -> HandOver:
-        """It goes to the path."""
+        """Hand-over to the coordinate of the path."""
         return to_coordinate(at)
 
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
-        """The path."""
+        """The artificial constraint in words: the path."""
         return f"{axis} by path: {self.path.form.of_axis(axis)}"

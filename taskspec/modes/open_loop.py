@@ -29,7 +29,7 @@ class OpenLoop(AxisMode):
     name = "open-loop"
 
     def reference(self, at: ReferenceInputs) -> OwnReference:
-        """r = r_0 + f (1/k_m + 1/k_e): a displacement that stands for a force asks no motion."""
+        """r = r_0 + f (1/k_m + 1/k_e): a displacement that stands for a force is no motion."""
         own = 1 / value_of(at.plan.gains, "stiffness", at.axis)
         k = at.plan.environment.stiffness_of(at.axis)
         contact = 1 / k if k > 0 and not at.axis.is_rotation else 0.0
@@ -37,7 +37,7 @@ class OpenLoop(AxisMode):
         return OwnReference(at.start + displacement, ca.SX(0), ca.SX(0))
 
     def blended(self, own: OwnReference, added: Blending) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """The damper is asked for no motion while it is blended either."""
+        """r with the blending, r' and r'' without: the damper does not follow the blending."""
         return own.value + added.value, own.rate, own.acceleration
 
     def hand_over(self, at: StageStart) -> HandOver:

@@ -11,12 +11,12 @@ from taskspec.deferred_methods import dataclass
 from taskspec.modes.key import ModeKey
 from taskspec.modes.mode import (
     AxisMode,
+    Displacement,
     HandOver,
     Known,
     OwnReference,
     ReferenceInputs,
     StageStart,
-    Way,
     to_coordinate,
 )
 from taskspec.text.expression import Expression, ScopeKind
@@ -67,21 +67,21 @@ class Position(AxisMode):
         return at.in_time(value)
 
     def hand_over(self, at: StageStart) -> HandOver:
-        """It goes to the coordinate."""
+        """Hand-over to the coordinate of the expression."""
         return to_coordinate(at)
 
-    def way(self, known: Known, start: float) -> Way | None:
+    def displacement(self, known: Known, start: float) -> Displacement | None:
         """r(t) - r_0, where the expression depends on time alone."""
         begins = known(self.position, {"t": 0.0})
         if begins is None or not math.isfinite(begins):
             return None
 
-        def way(time: float) -> float:
+        def moved(time: float) -> float:
             value = known(self.position, {"t": time})
             return math.nan if value is None else value - start
 
-        return way
+        return moved
 
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
-        """The coordinate."""
+        """The artificial constraint in words: the coordinate."""
         return f"{axis} = {self.position}"

@@ -1,4 +1,4 @@
-"""What a mode goes by of the stage of its axis: protocols, which `program.plan.StagePlan` fits."""
+"""The part of a stage that a mode depends on: protocols, which `program.plan.StagePlan` fits."""
 
 from __future__ import annotations
 

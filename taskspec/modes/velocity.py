@@ -9,12 +9,12 @@ from taskspec.deferred_methods import dataclass
 from taskspec.modes.key import ModeKey
 from taskspec.modes.mode import (
     AxisMode,
+    Displacement,
     HandOver,
     Known,
     OwnReference,
     ReferenceInputs,
     StageStart,
-    Way,
     from_start,
 )
 from taskspec.motion import blend
@@ -53,7 +53,7 @@ class Velocity(AxisMode):
     goes_on = True
 
     def expressions(self) -> Iterator[tuple[Expression, bool]]:
-        """The rate."""
+        """The expression of its rate."""
         yield self.velocity, False
 
     def reference(self, at: ReferenceInputs) -> OwnReference:
@@ -86,11 +86,11 @@ class Velocity(AxisMode):
         """v, where it is known and not zero."""
         return known(self.velocity, None) or None
 
-    def way(self, known: Known, start: float) -> Way | None:  # noqa: ARG002
-        """v, risen from nothing."""
+    def displacement(self, known: Known, start: float) -> Displacement | None:  # noqa: ARG002
+        """A constant rate v times the time, which rises from rest; None where v is not constant."""
         speed = known(self.velocity, None)
         return None if speed is None else lambda time: speed * blend.from_rest(time)
 
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
-        """The rate."""
+        """The artificial constraint in words: the rate."""
         return f"{rate} = {self.velocity}"

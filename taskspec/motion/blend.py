@@ -1,4 +1,4 @@
-"""How a reference begins: from rest, or from the one that is handed over.
+"""The start of a reference: from rest, or from the one that is handed over.
 
 The shapes are of CasADi's expressions and of plain numbers alike, so that what runs and what is
 predicted are one function.
@@ -87,6 +87,6 @@ def added(t: Number, offset: Number, slope: Number, time: Number) -> Number:
 
 
 def blend_time(offset: Number, speed: float) -> Number:
-    """How long to blend an offset in [s], so that the blending stays below `speed`."""
+    """The time [s] to blend an offset in, so that the blending stays below `speed`."""
     time: Number = ca.fmax(BLEND_TIME, _PEAK * ca.fabs(offset) / speed)
     return time

@@ -59,7 +59,7 @@ class PiecewiseCubic:
 
     @property
     def rests(self) -> Any:
-        """Where its last interval begins."""
+        """The knot at which its last, constant interval begins."""
         return self.knots[self.coefficients.shape[0] - 1]
 
     def segment_at_start(self) -> ca.SX:

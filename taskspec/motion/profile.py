@@ -171,7 +171,7 @@ def _by_sections(sections: Sequence[PathSection], speed: float, rise: float) -> 
 
 
 def _change(v: float, w: float) -> list[tuple[float, float]]:
-    """How long which jerk lasts in a change of rate."""
+    """Durations of the jerk phases in a change of rate."""
     change = w - v
     bent, held, sign = _bent(abs(change)), _straight(abs(change)), math.copysign(1.0, change)
     return [(bent, sign), (held, 0.0), (bent, -sign)]
@@ -278,18 +278,18 @@ def _halving() -> ca.Function:
 
 
 def _distance(v: Number, w: Number) -> Number:
-    """How far a change of rate from v to w leads."""
+    """The distance of a change of rate from v to w."""
     change = _size(w - v)
     return (v + w) / 2 * (2 * _bent(change) + _straight(change))
 
 
 def _bent(change: Number) -> Number:
-    """How long the jerk goes on, and back, for a change of rate."""
+    """The duration of the rising, and of the falling, jerk of a change of rate."""
     return _root(_smaller(change, 1.0))
 
 
 def _straight(change: Number) -> Number:
-    """How long the largest acceleration is held for it."""
+    """The time for which the largest acceleration is held."""
     return _larger(change - 1.0, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Which axes of a frame an arm can move along and about."""
+"""Axes of a frame that an arm can move along and about."""
 
 from __future__ import annotations
 

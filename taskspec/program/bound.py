@@ -22,7 +22,7 @@ class Addresses(Protocol):
     """Machine code, for as long as it lives."""
 
     def address(self, name: str) -> int:
-        """Of a function."""
+        """Address of a function."""
 
 
 class BoundFunction:

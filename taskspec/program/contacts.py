@@ -1,4 +1,4 @@
-"""Which object each axis of a stage presses on, or runs into.
+"""The object that each axis of a stage presses on, or runs into.
 
 What the file names comes first: `contact` on the axis, then on the stage; then the object whose
 surface the frame follows, or on which it is fixed. Elsewhere it is the first object on the straight
@@ -39,16 +39,16 @@ _TIMES = (0.0, 0.13, 0.37, 1.0, 2.9)
 
 @dataclass(frozen=True, slots=True)
 class Encounter:
-    """What a straight motion of the tool leads to.
+    """The first contact of a straight motion of the tool.
 
     Attributes:
         contact: the object.
-        way: how far that is [m].
+        travel: how far that is [m].
         normal: (3,) its outward normal there, world axes.
     """
 
     contact: str
-    way: float
+    travel: float
     normal: Vector
 
 
@@ -101,14 +101,14 @@ class Obstacles:
             direction: (3,) unit vector, world axes.
         """
         met = [m for name in self._surfaces if (m := self._met(name, p, R, direction)) is not None]
-        return min(met, key=lambda m: m.way, default=None)
+        return min(met, key=lambda m: m.travel, default=None)
 
     def _whole(self, name: str) -> WholeTool | None:
         """The tool where it touches an object with its whole surface."""
         return whole_tool(self._tool, self._surfaces[name])
 
     def _touch(self, name: str, p: Vector, R: Vector) -> Touch:
-        """How the whole tool meets an object, at a pose of the tip (3,), (3, 3), world axes."""
+        """Touch of the whole tool on an object, at a pose of the tip (3,), (3, 3), world axes."""
         tool, base = self._whole(name), self._bases.get(name)
         assert tool is not None
         A, a = (np.eye(3), np.zeros(3)) if base is None else base.pose(0.0)
@@ -117,14 +117,17 @@ class Obstacles:
     def _met(self, name: str, p: Vector, R: Vector, direction: Vector) -> Encounter | None:
         if self._whole(name) is not None:
             return self._approached(
-                name, direction, lambda way: self._distance_of(name, p + way * direction, R), True
+                name,
+                direction,
+                lambda travel: self._distance_of(name, p + travel * direction, R),
+                True,
             )
         found = [
             met
             for center, radius in zip(self._tool.centers, self._tool.radii, strict=True)
             if (met := self._sphere(name, p + R @ center, float(radius), direction)) is not None
         ]
-        return min(found, key=lambda m: m.way, default=None)
+        return min(found, key=lambda m: m.travel, default=None)
 
     def _distance_of(self, name: str, p: Vector, R: Vector) -> tuple[float, Vector]:
         """Distance [m] of the whole tool from an object, and the object's normal (3,)."""
@@ -134,8 +137,8 @@ class Obstacles:
     def _sphere(self, name: str, x: Vector, radius: float, direction: Vector) -> Encounter | None:
         """The motion of a sphere about a point (3,)."""
 
-        def off(way: float) -> tuple[float, Vector]:
-            distance, normal = self.distance(name, x + way * direction)
+        def off(travel: float) -> tuple[float, Vector]:
+            distance, normal = self.distance(name, x + travel * direction)
             return distance - radius, normal
 
         return self._approached(name, direction, off, self._surfaces[name].convex)
@@ -157,15 +160,15 @@ class Obstacles:
             off: distance [m] and normal (3,) after a travel [m].
             convex: whether the object is.
         """
-        way = 0.0
+        travel = 0.0
         for _ in range(_MOST_STEPS if convex else _MOST_FREE_STEPS):
-            distance, normal = off(way)
+            distance, normal = off(travel)
             closing = -float(normal @ direction)
-            if (convex and not closing > PASSING) or way > _LONGEST_REACH:
+            if (convex and not closing > PASSING) or travel > _LONGEST_REACH:
                 return None
             if distance <= _CONTACT_TOLERANCE:
-                return Encounter(name, way, normal) if closing > PASSING else None
-            way += distance / (closing if convex else 1.0)
+                return Encounter(name, travel, normal) if closing > PASSING else None
+            travel += distance / (closing if convex else 1.0)
         return None
 
 

@@ -1,4 +1,4 @@
-"""What all stages of one task share while they are compiled."""
+"""Data that all stages of one task share while they are compiled."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Context:
         return frame.mechanism or self.mechanisms.get(self.held)
 
     def base_of(self, frame: FrameModel) -> MovingBase | None:
-        """How the object moves that carries a frame; None where none does."""
+        """The motion of the object that carries a frame; None where none moves."""
         return self.moving_bases.get(frame.base_name)
 
     def placed(self, frame: FrameModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -1,4 +1,4 @@
-"""What can end a stage or stop a run, in the order in which one tick decides."""
+"""Events that end a stage or stop a run, in the order in which one tick decides."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ class Event:
         name: what a user calls it: force, speed, joint_position, `until`, time, travel, ...
         text: the condition as a sentence, with its bound.
         then: the stage that a limit leads to.
-        way: the number of the branch of the stage that it takes, where that ends well.
+        branch: the number of the branch of the stage that it takes, where that ends well.
     """
 
     kind: str
     name: str
     text: str
-    way: int = -1
+    branch: int = -1
     then: str = ""
 
     @property

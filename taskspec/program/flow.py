@@ -12,13 +12,13 @@ def good_end(stages: Mapping[str, Stage], name: str) -> str | None:
 
     Of several branches it is the one that is taken where no condition holds.
     """
-    to = stages[name].ways(_following(stages, name))[-1]
+    to = stages[name].targets(_following(stages, name))[-1]
     return to if to in stages else None
 
 
 def good_ends(stages: Mapping[str, Stage], name: str) -> set[str]:
     """All stages that may follow one that ends as planned; itself, where it is repeated."""
-    found = {*stages[name].ways(_following(stages, name))}
+    found = {*stages[name].targets(_following(stages, name))}
     if stages[name].repeat > 1:
         found.add(name)
     return found & stages.keys()

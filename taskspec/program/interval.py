@@ -43,7 +43,7 @@ class Interval:
         return self.low > self.high
 
     def meet(self, other: Interval) -> Interval:
-        """What lies in both; its ends are reversed where nothing does."""
+        """The intersection; its ends are reversed where it is empty."""
         return Interval(max(self.low, other.low), min(self.high, other.high))
 
 

@@ -31,7 +31,7 @@ def before(task: Task, name: str) -> list[str]:
 
 
 def _known(context: Context, name: str, axis: Axis) -> Expression | None:
-    """What an axis keeps; None where it depends on place or time there."""
+    """The force that an axis keeps; None where it depends on place or time."""
     values = set(_values(context, name, axis, frozenset({name})))
     if len(values) != 1:
         return None

@@ -1,4 +1,4 @@
-"""What an expression of the file is worth before anything has been measured."""
+"""The value of an expression of the file before anything has been measured."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from taskspec.text.expression.evaluate import Lookup, prepared
 
 
 class KnownValues:
-    """What expressions of a task are worth at many times: each is prepared once."""
+    """Values of a task's expressions at many times: each is prepared once."""
 
     def __init__(self, context: Context) -> None:
         """Takes the task whose params they have."""

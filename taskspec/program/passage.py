@@ -1,4 +1,4 @@
-"""What an arm goes through in a stage, from its start to what ends it."""
+"""The predicted motion of an arm in a stage, from its start to its end."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Vector = NDArray[np.float64]
 
 
 class End(Enum):
-    """What ends a passage.
+    """The cause of the end of a passage.
 
     Attributes:
         DONE: its moves, path and time, or its guard for certain.
@@ -78,7 +78,7 @@ class Instant:
 
 @dataclass(frozen=True, slots=True)
 class Strain:
-    """What a mechanism does not let an axis do, and what that presses with.
+    """A motion of an axis that a mechanism blocks, and the resulting force.
 
     Attributes:
         axis: which.
@@ -144,7 +144,7 @@ class HeldDrive:
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """What an arm goes through in a stage.
+    """The predicted motion of an arm in a stage.
 
     Attributes:
         instants: its start, and some later ones.
@@ -168,5 +168,5 @@ class Passage:
 
     @property
     def last(self) -> Instant:
-        """Where it ends."""
+        """The last instant."""
         return self.instants[-1]

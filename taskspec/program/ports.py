@@ -1,4 +1,4 @@
-"""What goes into a stage's functions and what comes out of them, in which order."""
+"""Inputs and outputs of a stage's functions, in order."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Fields = tuple[tuple[str, int], ...]
 
 
 def slices(fields: Iterable[tuple[str, int]]) -> dict[str, slice]:
-    """Where each named field of a flat vector lies."""
+    """The slice of each named field of a flat vector."""
     found, at = {}, 0
     for name, length in fields:
         found[name] = slice(at, at + length)

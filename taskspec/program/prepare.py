@@ -97,7 +97,7 @@ def prepare(
 
 
 def arm_at(robot: RobotModel, q: Vector) -> dict[str, Any]:
-    """What a task knows of its arm in a configuration (n,), as attributes of a `Context`."""
+    """Quantities of an arm in a configuration (n,), as attributes of a `Context`."""
     terms = PinocchioTerms(robot)
     terms.at(q, np.zeros(robot.pin.nv))
     p, R = terms.tip()

@@ -61,7 +61,7 @@ class SensorModel:
         return (self.pole > 0) + (self.hold_ticks > 1) + self.delay_ticks
 
     def lag(self, period: float) -> float:
-        """How old a slowly changing wrench is when the controller sees it, on average [s].
+        """The mean age of a slowly changing wrench when the controller uses it [s].
 
         (1 + d + (N - 1)/2 + b/(1 - b)) T: the tick of every sensor, delay, hold and low-pass.
         """

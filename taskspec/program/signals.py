@@ -77,7 +77,7 @@ def entry_of(task: Task, path: tuple[str, ...]) -> Entry | None:
 
 
 def natural(found: Entry) -> Interval:
-    """What a signal can be by its nature."""
+    """The range of a signal by its nature."""
     return Interval(found.signal.low, found.signal.high)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def gain_slot(name: str, axis: str) -> str:
-    """What the slot of one gain on one axis is called."""
+    """The name of the slot of one gain on one axis."""
     return f"gain.{name}.{axis}"
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.modes import Way
+from taskspec.modes import Displacement
 from taskspec.program.passage import Passage
 
 Vector = NDArray[np.float64]
@@ -24,14 +24,14 @@ _SAMPLES = 201
 SAMPLES = (0.13, 0.37, 0.61, 0.83, 1.0)
 
 
-def rate_from(way: Way, time: float) -> float:
+def rate_from(displacement: Displacement, time: float) -> float:
     """The rate of a displacement from a time on [m/s, rad/s]."""
-    return (way(time + _TIME_STEP) - way(time)) / _TIME_STEP
+    return (displacement(time + _TIME_STEP) - displacement(time)) / _TIME_STEP
 
 
-def rate_until(way: Way, time: float) -> float:
+def rate_until(displacement: Displacement, time: float) -> float:
     """The rate of a displacement until a time [m/s, rad/s]."""
-    return (way(time) - way(time - _TIME_STEP)) / _TIME_STEP
+    return (displacement(time) - displacement(time - _TIME_STEP)) / _TIME_STEP
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,26 +40,30 @@ class Course:
 
     Attributes:
         duration: until its moves, its path and its time are done [s].
-        ways: displacement of each axis against time [m, rad].
+        displacements: displacement of each axis against time [m, rad].
         bends: whether its velocity changes along it.
     """
 
     duration: float
-    ways: Mapping[Axis, Way]
+    displacements: Mapping[Axis, Displacement]
     bends: bool
 
     def moved(self, time: float) -> dict[Axis, float]:
         """Displacement along and about each axis since the stage began."""
-        return {axis: way(time) for axis, way in self.ways.items()}
+        return {axis: moved(time) for axis, moved in self.displacements.items()}
 
     def fastest(self) -> tuple[float, float] | None:
         """When the tip is fastest along the frame's axes [s], and how fast [m/s]; None at rest."""
         times = np.linspace(0.0, self.duration, _SAMPLES)
         instants = times.tolist()
-        ways = [[way(t) for t in instants] for a, way in self.ways.items() if not a.is_rotation]
-        if not ways or not self.duration > 0 or not np.isfinite(ways).all():
+        displacements = [
+            [moved(t) for t in instants]
+            for a, moved in self.displacements.items()
+            if not a.is_rotation
+        ]
+        if not displacements or not self.duration > 0 or not np.isfinite(displacements).all():
             return None
-        steps = np.linalg.norm(np.diff(np.array(ways), axis=1), axis=0)
+        steps = np.linalg.norm(np.diff(np.array(displacements), axis=1), axis=0)
         i = int(np.argmax(steps))
         return (float(times[i + 1]), float(steps[i] / times[1])) if steps[i] else None
 
@@ -69,8 +73,8 @@ class Course:
             return set()
         times = np.linspace(0.0, self.duration, _SAMPLES).tolist()
         found = set()
-        for axis, way in self.ways.items():
-            moved = np.array([way(t) for t in times])
+        for axis, displacement in self.displacements.items():
+            moved = np.array([displacement(t) for t in times])
             if not axis.is_rotation and np.isfinite(moved).all() and np.ptp(moved) > 0:
                 found |= {times[int(np.argmin(moved))], times[int(np.argmax(moved))]}
         return found - {0.0}

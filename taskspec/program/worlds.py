@@ -36,7 +36,7 @@ _BITS = 53
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """What the plant of a run is.
+    """The world that the plant of a run has.
 
     Attributes:
         task: whose world and robot are the true ones.
@@ -60,7 +60,7 @@ class World:
         return self.seed if self.number is None else _noise_seed(self.seed, self.number)
 
     def as_data(self) -> dict[str, Any]:
-        """What it is made of again, by `world_from`."""
+        """The data that `world_from` makes it of again."""
         return {"label": self.label, "number": self.number, "draws": dict(self.draws)}
 
 
@@ -129,7 +129,7 @@ def as_file(loaded: LoadedTask, world: World) -> LoadedTask:
 
 
 def corner_count(context: Context) -> int:
-    """How many corners there are: worlds in which every random number is at an end.
+    """Number of corners: worlds in which every random number is at an end.
 
     Of many numbers, one at a time is.
     """
@@ -151,7 +151,7 @@ def corner_world(context: Context, index: int, seed: int = 0) -> World:
 
 
 def grid_count(context: Context, points: int) -> int:
-    """How many worlds a grid of so many values of every random number has."""
+    """Number of worlds of a grid with so many values of every random number."""
     return int(points ** len(draws_of(context)))
 
 
@@ -204,7 +204,7 @@ class Deviation:
 
 
 def component_name(path: str, index: int) -> str:
-    """What the component of a value is called: its axis, or its number from 1."""
+    """The name of a component of a value: its axis, or its number from 1."""
     names = _COMPONENTS.get(path.rpartition(".")[2], ())
     return names[index] if index < len(names) else str(index + 1)
 
@@ -233,7 +233,7 @@ _COMPONENTS = {
 
 
 def deviations(context: Context, world: World) -> tuple[Deviation, ...]:
-    """Where a world differs from the nominal one."""
+    """The values in which a world differs from the nominal one."""
     parts = dict.fromkeys((*otherwise(context, lambda _: True), *world.values))
     declared = context.loaded.task
     found = []
@@ -247,7 +247,7 @@ def deviations(context: Context, world: World) -> tuple[Deviation, ...]:
 
 
 def _otherwise_in_words(declared: Task, true: Task) -> Iterator[Deviation]:
-    """What is otherwise and no number: motions, and the rate of the sensor."""
+    """Deviations that are no numbers: motions, and the rate of the sensor."""
     for name, shape in true.shapes.items():
         moves, was = shape.motion, declared.shapes[name].motion
         axes = {} if moves is None else moves.axes

@@ -1,4 +1,4 @@
-"""What a robot's file comes to, as numbers and words: known once, it is kept by its content."""
+"""The arm of a robot's file as numbers and words, cached by its content."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class KnownArm:
 
 
 def arm_key(name: str, section: object, content: Sequence[bytes]) -> str:
-    """What an arm follows from, as a key of `known_arms`.
+    """The inputs of an arm, as a key of `known_arms`.
 
     Args:
         name: The built-in name, or the stem of the file.

@@ -2,9 +2,9 @@
 
 Frames are Khalil and Kleinfinger's (1986): z along the joint's axis, x along the common normal with
 the next one, so that a joint's placement in the one before is a turn about x and a shift along it.
-Inertias are base parameters (Gautier and Khalil 1990): what of a body the joint under it does not
-feel, since it stays the same in the body before however the joint moves, is counted with that body.
-Neither changes what the equations are worth.
+Inertias are base parameters (Gautier and Khalil 1990): the part of a body that does not act on the
+joint under it, since it stays the same in the body before however the joint moves, is counted with
+that body. Neither changes what the equations are worth.
 
 A body is its pseudo-inertia (Wensing, Kim and Slotine 2018), the 4 x 4 matrix
 

@@ -1,4 +1,4 @@
-"""How large a robot's file may be, and become, before it is handed to anything that builds it."""
+"""Bounds on the size of a robot's file, before it is built."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the arm of a robot's file ends, and which of its joints move that end."""
+"""The flange of the arm in a robot's file, and the joints that move it."""
 
 from __future__ import annotations
 

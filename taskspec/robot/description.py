@@ -28,7 +28,7 @@ BOUND_INERTIA = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """What a robot's file says.
+    """The content of a robot's file.
 
     Attributes:
         name: The built-in name, or the stem of the file.
@@ -90,7 +90,7 @@ def texts(m: mujoco.MjModel) -> dict[str, str]:
 
 
 def velocity_limits(m: mujoco.MjModel) -> dict[int, float]:
-    """What `<custom><numeric name="velocity_limit">` says, one value per joint, by joint id.
+    """The velocity limits of `<custom><numeric name="velocity_limit">`, by joint id.
 
     Raises:
         RobotError: TS405 when there are more or fewer values than joints.

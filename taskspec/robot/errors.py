@@ -1,4 +1,4 @@
-"""What can be wrong with a robot, as an exception that carries its stable code."""
+"""Errors of a robot, as an exception that carries its stable code."""
 
 from __future__ import annotations
 

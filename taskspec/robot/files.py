@@ -76,7 +76,7 @@ def note_program() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Roots:
-    """Where a robot's file is, and where the files lie that it may include.
+    """Folders of a robot's file and of the files that it may include.
 
     Attributes:
         model: The folder of the robot's file.

@@ -1,4 +1,4 @@
-"""Where an arm that nobody has placed yet can begin: bent, clear of its limits, tool down."""
+"""A start posture of an arm without one: bent, clear of its limits, tool down."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class FirstStart:
 
 
 def reach_of(robot: RobotModel) -> float:
-    """How far the tip gets from the first joint at most, by its links' lengths [m]."""
+    """The greatest distance of the tip from the first joint, by its links' lengths [m]."""
     lengths = [
         math.hypot(*robot.pin.jointPlacements[i].translation) for i in range(2, robot.pin.njoints)
     ]
@@ -118,7 +118,7 @@ def _draws(solver: InverseKinematics) -> Iterator[Array]:
 
 
 def _worst(robot: RobotModel, q: Array, reach: float) -> float:
-    """What is worst of a configuration, 0 where it cannot be used."""
+    """The worst score of a configuration, 0 where it cannot be used."""
     return min(_dexterity(robot, q, reach), _room(robot, q), _spare(robot, q))
 
 

@@ -102,7 +102,7 @@ class InverseKinematics:
         return self._data.oMi[self.robot.tip_joint] * self.robot.tip
 
     def error(self, q: Array, target: Target) -> Array:
-        """What is missing at `q` (n,), world: weighted translation, then rotation vector (6,).
+        """The pose error at `q` (n,), world: weighted translation, then rotation vector (6,).
 
         The rotation vector is left out where the target has no rotation, its z where the target
         leaves the yaw free.
@@ -138,7 +138,7 @@ class InverseKinematics:
 
     @cached_property
     def _arm(self) -> tuple[object, ...]:
-        """What an answer depends on, in addition to its question."""
+        """The part of the arm that a solution depends on."""
         robot = self.robot
         return (
             robot.pin.saveToString(),

@@ -71,7 +71,7 @@ def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """A `PoseLike` that can be looked up."""
+    """A hashable `PoseLike`."""
 
     xyz: tuple[float, ...]
     rpy: tuple[float, ...]
@@ -79,7 +79,7 @@ class _Placed:
 
 @dataclass(frozen=True, slots=True)
 class _Carrier:
-    """A `FlangeLike` that can be looked up."""
+    """A hashable `FlangeLike`."""
 
     body: str | None
     xyz: tuple[float, ...]
@@ -88,7 +88,7 @@ class _Carrier:
 
 @dataclass(frozen=True, slots=True)
 class _Mounted:
-    """A `ToolLike` that can be looked up."""
+    """A hashable `ToolLike`."""
 
     shape: str
     radius: float | None
@@ -100,7 +100,7 @@ class _Mounted:
 
 @dataclass(frozen=True, slots=True)
 class _Section:
-    """A `RobotLike` that can be looked up."""
+    """A hashable `RobotLike`."""
 
     model: str
     flange: _Carrier | None
@@ -110,7 +110,7 @@ class _Section:
 
     @staticmethod
     def of(robot: RobotLike) -> _Section:
-        """What the models of a robot are made from."""
+        """The inputs of the models of a robot."""
         tool, base, flange = robot.tool, robot.base, robot.flange
         size = None if tool.size is None else tuple(tool.size)
         return _Section(
@@ -277,7 +277,7 @@ def _short_of(axes: tuple[Axis, ...], m: mujoco.MjModel, chain: Chain) -> tuple[
 
 
 def _bare(bodies: Bodies, tip: int) -> str:
-    """How many bodies of an arm have no mass, in words; empty where all have one."""
+    """The count of bodies of an arm without mass, in words; empty where all have one."""
     masses = np.delete(bodies.body_mass, [0, tip])
     bare = int((masses <= 2 * BOUND_MASS).sum())
     return f": {bare} of the robot's {len(masses)} bodies have none" if bare else ""

@@ -48,19 +48,19 @@ def mjcf_text(text: str, root: ElementTree.Element, shown: str, roots: Roots) ->
     Raises:
         RobotError: TS402 or TS403.
     """
-    seen: set[Path] = set()
+    done: set[Path] = set()
     while (include := next(root.iter("include"), None)) is not None:
-        included = _read_include(include, shown, roots, seen)
+        included = _read_include(include, shown, roots, done)
         parent = next(element for element in root.iter() if include in list(element))
         at = list(parent).index(include)
         parent[at : at + 1] = list(included)
         check_size(root, shown)
     _refuse(root, shown)
-    return on_one_line(root) if seen else text
+    return on_one_line(root) if done else text
 
 
 def _read_include(
-    include: ElementTree.Element, shown: str, roots: Roots, seen: set[Path]
+    include: ElementTree.Element, shown: str, roots: Roots, done: set[Path]
 ) -> ElementTree.Element:
     """The elements of an included file, in which further includes are absolute paths."""
     name = include.get("file", "")
@@ -71,9 +71,9 @@ def _read_include(
         )
     if not is_regular(path):
         raise RobotError("TS402", f"'{shown}' includes '{name}', which is not there")
-    if path.resolve() in seen or len(seen) == _INCLUDES:
+    if path.resolve() in done or len(done) == _INCLUDES:
         raise RobotError("TS403", f"'{name}' is included twice, or too many files are")
-    seen.add(path.resolve())
+    done.add(path.resolve())
     included = parse_xml(read_model(path, name, roots.confines), name)
     for further in included.iter("include"):
         beside_model, beside_file = (

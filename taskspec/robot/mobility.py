@@ -1,4 +1,4 @@
-"""Which directions of the world an arm can move its tip in."""
+"""Directions of the world in which an arm can move its tip."""
 
 from __future__ import annotations
 

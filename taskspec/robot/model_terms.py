@@ -163,7 +163,7 @@ class TermSymbols:
 
 
 def _upper(n: int) -> list[int]:
-    """Where the entries of the upper triangle stand in an (n, n), column after column."""
+    """Indices of the upper triangle of an (n, n), column after column."""
     return [j * n + i for j in range(n) for i in range(j + 1)]
 
 

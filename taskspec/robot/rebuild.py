@@ -50,8 +50,8 @@ class Rebuilt:
 def rebuild(m: mujoco.MjModel, chain: Chain, home: Array, base: pin.SE3) -> Rebuilt:
     """Writes the arm of `m` down anew.
 
-    Joints that do not move the flange are locked where `home` has them. Geoms are kept for their
-    looks.
+    Joints that do not move the flange are locked where `home` has them. Geoms are kept for
+    pictures.
 
     Args:
         m: The robot's file, compiled.

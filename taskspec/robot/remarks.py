@@ -1,4 +1,4 @@
-"""What is worth saying of a robot's file that loads: its gripper, and where its flange points."""
+"""Remarks about a robot's file that loads: its gripper, and where its flange points."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _TURNS = {
 
 
 def remarks(m: mujoco.MjModel, chain: Chain, home: Array) -> tuple[FileRemark, ...]:
-    """What is worth saying of an arm that moves in space.
+    """Remarks about an arm that moves in space.
 
     Args:
         m: The robot's file, compiled.
@@ -94,7 +94,7 @@ def _direction(m: mujoco.MjModel, chain: Chain, home: Array) -> Iterator[FileRem
 
 
 def _outwards(m: mujoco.MjModel, chain: Chain, home: Array) -> Array | None:
-    """Where the arm goes on from its last joint, in the flange's frame (3,); None if unclear.
+    """Direction from the last joint onwards, in the flange's frame (3,); None if unclear.
 
     That is where the flange lies from the joint and, where it lies on it, where the masses or the
     shapes lie that the joint moves.

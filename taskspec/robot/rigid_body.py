@@ -193,7 +193,7 @@ def _poses(moved: list[_Moved]) -> list[tuple[ca.SX, ca.SX]]:
 
 
 class _Motion:
-    """How a frame moves at q'' = 0, in its own axes.
+    """Motion of a frame at q'' = 0, in its own axes.
 
     Attributes:
         w, dw: (3,) angular velocity and acceleration.

@@ -1,4 +1,4 @@
-"""Where a run starts, and what is wrong with a start that cannot be."""
+"""The start of a run, and the errors of an impossible one."""
 
 from __future__ import annotations
 

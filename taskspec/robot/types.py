@@ -1,4 +1,4 @@
-"""What a robot is to the rest of the language: both models, its limits, its tool."""
+"""The robot for the rest of the language: both models, its limits, its tool."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class PoseLike(Protocol):
 
 
 class FlangeLike(PoseLike, Protocol):
-    """What carries the tool: a frame of the robot's file, and a pose in it, z along the tool."""
+    """The flange: a frame of the robot's file, and a pose in it, z along the tool."""
 
     @property
     def body(self) -> str | None: ...  # noqa: D102
@@ -73,7 +73,7 @@ class RobotLike(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FileRemark:
-    """What is worth saying of a robot's file that loads.
+    """A remark about a robot's file that loads.
 
     Attributes:
         code: Its diagnostic code.
@@ -110,7 +110,7 @@ class ToolGeometry:
 
     @property
     def reach(self) -> float:
-        """How far from its axis it touches [m]."""
+        """The distance from its axis at which it touches [m]."""
         return float(np.max(np.linalg.norm(self.centers[:, :2], axis=1) + self.radii))
 
 

@@ -51,7 +51,7 @@ class Box(ToolSurface):
         return outside(ca.fabs(x) - ca.DM(self.half))
 
     def chart(self, face: ca.SX | None = None) -> SurfaceChart:
-        """A face."""
+        """The face that the numbers describe, as a chart."""
         assert face is not None
         return BoxFace(face)
 
@@ -91,7 +91,7 @@ class Box(ToolSurface):
 
     @property
     def volume(self) -> float:
-        """Of the box [m^3]."""
+        """Volume of the box [m^3]."""
         return float(8.0 * np.prod(self.half))
 
     def inertia(self, mass: float) -> list[float]:
@@ -107,7 +107,7 @@ class Box(ToolSurface):
         return signs * (half - point), point
 
     def extremes(self) -> tuple[Vector, float]:
-        """The corners."""
+        """The eight corners, with a radius of 0."""
         return np.array(list(product((-0.5, 0.5), repeat=3))) * self.size, 0.0
 
     @classmethod
@@ -141,15 +141,15 @@ class BoxFace(SurfaceChart):
         return ca.dot(self.numbers[6:9], point - self.numbers[9:12])
 
     def normal(self, point: ca.SX) -> ca.SX:  # noqa: ARG002
-        """z of the face."""
+        """The z axis of the face (3,), world."""
         return self.numbers[6:9]
 
     def own_x(self) -> ca.SX:
-        """x of the face."""
+        """The x axis of the face (3,), world."""
         return self.numbers[0:3]
 
     def margin(self, point: ca.SX, heading: Vector | None) -> ca.SX:  # noqa: ARG002
-        """Positive inside the face."""
+        """Distance [m] to the nearest edge, positive inside the face."""
         offset = point - self.numbers[9:12]
         return ca.fmin(
             self.numbers[12] - ca.fabs(ca.dot(self.numbers[0:3], offset)),

@@ -48,7 +48,7 @@ class Cylinder(ToolSurface):
         return outside(ca.vertcat(radius_about_z(x) - self.radius, ca.fabs(x[2]) - self.length / 2))
 
     def chart(self, face: ca.SX | None = None) -> SurfaceChart:  # noqa: ARG002
-        """The side."""
+        """The curved side of the cylinder."""
         return CylinderSide(self)
 
     def geom(self) -> Geom:
@@ -57,7 +57,7 @@ class Cylinder(ToolSurface):
 
     @property
     def volume(self) -> float:
-        """Of the cylinder [m^3]."""
+        """Volume of the cylinder [m^3]."""
         return float(2 * np.pi * np.prod([self.radius, self.radius, self.length / 2]))
 
     def inertia(self, mass: float) -> list[float]:
@@ -111,7 +111,7 @@ class CylinderSide(SurfaceChart):
         return radius_about_z(self.cylinder.local(point)) - self.cylinder.radius
 
     def normal(self, point: ca.SX) -> ca.SX:
-        """Away from the axis."""
+        """Unit vector (3,) away from the axis, world."""
         x = self.cylinder.local(point)
         n = ca.vertcat(x[0], x[1], 0) / radius_about_z(x)
         return ca.DM(self.cylinder.rotation) @ n
@@ -121,6 +121,6 @@ class CylinderSide(SurfaceChart):
         return ca.SX(ca.DM(self.cylinder.rotation[:, 2]))
 
     def margin(self, point: ca.SX, heading: Vector | None) -> ca.SX:
-        """Positive between the ends."""
+        """Positive between the ends, where x is defined."""
         end = self.cylinder.length / 2 - ca.fabs(self.cylinder.local(point)[2])
         return ca.fmin(self.away_from_pole(point, heading), end)

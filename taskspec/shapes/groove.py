@@ -73,11 +73,11 @@ class Groove(CutPlate):
         return ca.fmin(found, bank(ca.fabs(x[0]) - self.length / 2, x[2], 0.0))
 
     def cut(self) -> PlateCut:
-        """The groove."""
+        """The groove as the plant takes it."""
         return PlateCut("groove", (self.angle, self.depth, self.length or 0.0))
 
     def beside(self, x: ca.SX) -> ca.SX:
-        """How far beyond its edge."""
+        """Distance [m] of a point beyond the edge of the groove."""
         beyond = ca.fabs(x[1]) - self.edge
         return beyond if self.length is None else ca.fmax(beyond, ca.fabs(x[0]) - self.length / 2)
 

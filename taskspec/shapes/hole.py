@@ -65,7 +65,7 @@ class Hole(CutPlate):
         return ca.fmax(bore, outside(beyond))
 
     def cut(self) -> PlateCut:
-        """The bore, and the block."""
+        """The bore, and its block, as the plant takes them."""
         return PlateCut("hole", (self.radius, self.depth, self.chamfer, *(self.size or ())))
 
     def uncut(self) -> Surface:
@@ -75,7 +75,7 @@ class Hole(CutPlate):
         return Box(self.origin - self.rotation[:, 2] * (self.size[2] / 2), self.rotation, self.size)
 
     def beside(self, x: ca.SX) -> ca.SX:
-        """How far beyond the bore's edge, and within the block."""
+        """Distance [m] of a point beyond the bore's edge, and within the block."""
         beyond = radius_about_z(x) - self.radius - self.chamfer
         if self.size is None:
             return beyond

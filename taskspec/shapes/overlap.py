@@ -1,4 +1,4 @@
-"""How deep a convex solid is in another one, or how far from it: support functions.
+"""Depth or distance of two convex solids, by support functions.
 
 A kernel (`taskspec.native.kernel`): compiled where there is llvmlite, else run by Python, with the
 same bits. All lengths in metres.
@@ -96,7 +96,7 @@ def support(t: Vector, x: float, y: float, z: float, at: Vector) -> float:
 
 
 def bulge(t: Vector) -> float:
-    """How far the faces of a solid, and the sides of a cylinder, are ahead of where they are."""
+    """Distance [m] by which faces of a solid, and sides of a cylinder, bulge."""
     if t[12] == BALL:
         return 0.0
     return t[16] if t[12] == CYLINDER else 2.0 * t[16]

@@ -1,4 +1,4 @@
-"""Where a tool touches a shape with its whole surface: one resultant contact for each patch.
+"""Contact of a tool with a shape by its whole surface: one resultant contact for each patch.
 
 A kernel (`taskspec.native.kernel`): compiled where there is llvmlite, else run by Python, with the
 same bits. All lengths in metres.
@@ -35,7 +35,7 @@ APART = 0.12
 
 
 def find(t: Vector, shape: Vector, work: Vector) -> int:
-    """How many patches of a tool and a shape there are; they are in `work` from POINTS on.
+    """Number of patches of a tool and a shape; they are in `work` from POINTS on.
 
     Args:
         t: the tool.
@@ -324,7 +324,7 @@ def _edge_in_side(
     t: Vector, R: float, chamfer: float, px: float, py: float, pz: float,
     ax: float, ay: float, az: float, out: Vector,
 ) -> float:  # fmt: skip
-    """How deep the bore's edge is in the side of a cylinder; -1 where it is beside its length.
+    """Depth of the bore's edge in the side of a cylinder; -1 where it is beside its length.
 
     Args:
         t: the tool.
@@ -533,7 +533,7 @@ def _edge(
     t: Vector, dx: float, dy: float, vx: float, vy: float, vz: float, top: float, edge: float,
     chamfer: float, lean: float, at: Vector, patches: Vector, n: int,
 ) -> int:  # fmt: skip
-    """Where two faces meet, all that is behind both: a convex body.
+    """The edge of two faces, all that is behind both: a convex body.
 
     One is beyond `edge` along the unit vector (dx, dy, 0), the other up to `top` along v, which is
     across it. Its normals are -cos(a) d + sin(a) v from a = lean to 90 degrees.
@@ -587,7 +587,7 @@ def _over(
     t: Vector, dx: float, dy: float, vx: float, vy: float, vz: float, top: float, edge: float,
     chamfer: float, a: float, at: Vector,
 ) -> float:  # fmt: skip
-    """How far a tool and an edge overlap along the normal of an angle a; the tool's point."""
+    """Overlap of a tool and an edge along the normal of an angle a; the tool's point."""
     c, s = math.cos(a), math.sin(a)
     lower, upper = -c * edge - s * chamfer, -c * (edge + chamfer)
     reach = support(t, c * dx - s * vx, c * dy - s * vy, -s * vz, at)

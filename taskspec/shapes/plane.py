@@ -27,11 +27,11 @@ class Plane(Surface):
     level = True
 
     def height(self, x: ca.SX) -> ca.SX:
-        """z of the point."""
+        """Signed distance [m]: z of the point."""
         return x[2]
 
     def chart(self, face: ca.SX | None = None) -> SurfaceChart:  # noqa: ARG002
-        """All of the plane."""
+        """The whole plane as one chart."""
         return PlaneChart(self)
 
     def geom(self) -> Geom:
@@ -50,7 +50,7 @@ class Plane(Surface):
 
 @dataclass(frozen=True, eq=False)
 class PlaneChart(SurfaceChart):
-    """All of a plane."""
+    """The chart of a whole plane."""
 
     plane: Plane
 
@@ -59,13 +59,13 @@ class PlaneChart(SurfaceChart):
         return self.plane.distance(point)
 
     def normal(self, point: ca.SX) -> ca.SX:  # noqa: ARG002
-        """z of the plane."""
+        """The z axis of the plane (3,), world."""
         return ca.SX(ca.DM(self.plane.rotation[:, 2]))
 
     def own_x(self) -> ca.SX:
-        """x of the plane."""
+        """The x axis of the plane (3,), world."""
         return ca.SX(ca.DM(self.plane.rotation[:, 0]))
 
     def margin(self, point: ca.SX, heading: Vector | None) -> ca.SX:  # noqa: ARG002
-        """Positive everywhere."""
+        """1: a plane has no edge."""
         return ca.SX(1)

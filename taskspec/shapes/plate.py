@@ -1,4 +1,4 @@
-"""What a hole, a slot and a groove share: an endless plate, solid below z = 0, with a cut in it."""
+"""Hole, slot and groove in common: an endless plate, solid below z = 0, with a cut in it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class CutPlate(Surface):
 
     @abstractmethod
     def beside(self, x: ca.SX) -> ca.SX:
-        """How far [m] a point (3,) is over the plate beside the cut, negative over the cut."""
+        """Distance [m] of a point (3,) from the cut, over the plate, negative over the cut."""
 
     @abstractmethod
     def drawn(self, reach: float, thickness: float) -> Sequence[Vector]:
@@ -48,7 +48,7 @@ class CutPlate(Surface):
         return Plane(self.origin, self.rotation)
 
     def geom(self) -> Geom:
-        """What contacts are reported of; it touches nothing itself."""
+        """The geom that contacts are reported of; it touches nothing itself."""
         return Geom("sphere", (1e-3, 0.0, 0.0))
 
     def visible_geom(self, center: Vector, half: Vector) -> Geom | None:  # noqa: ARG002
@@ -81,15 +81,15 @@ class PlateChart(SurfaceChart):
         return self.plate.local(point)[2]
 
     def normal(self, point: ca.SX) -> ca.SX:  # noqa: ARG002
-        """z of the plate."""
+        """The z axis of the plate (3,), world."""
         return ca.SX(ca.DM(self.plate.rotation[:, 2]))
 
     def own_x(self) -> ca.SX:
-        """x of the plate."""
+        """The x axis of the plate (3,), world."""
         return ca.SX(ca.DM(self.plate.rotation[:, 0]))
 
     def margin(self, point: ca.SX, heading: Vector | None) -> ca.SX:  # noqa: ARG002
-        """Positive beside the cut."""
+        """Distance [m] from the edge of the cut, positive beside it."""
         return self.plate.beside(self.plate.local(point))
 
 

@@ -49,15 +49,15 @@ class Slot(CutPlate):
         return ca.fmin(wall, x[2] + self.depth)
 
     def cut(self) -> PlateCut:
-        """The slot."""
+        """The slot as the plant takes it."""
         return PlateCut("slot", (self.width, self.depth, self.chamfer, self.length or 0.0))
 
     def beside(self, x: ca.SX) -> ca.SX:
-        """How far beyond its edge."""
+        """Distance [m] of a point beyond the edge of the slot."""
         return self._beyond(x) - self.chamfer
 
     def _beyond(self, x: ca.SX) -> ca.SX:
-        """How far [m] a point (3,) is beyond the walls, negative between them."""
+        """Distance [m] of a point (3,) beyond the walls, negative between them."""
         beyond = ca.fabs(x[1]) - self.width / 2
         return beyond if self.length is None else ca.fmax(beyond, ca.fabs(x[0]) - self.length / 2)
 

@@ -35,7 +35,7 @@ class Sphere(ToolSurface):
         return ca.norm_2(x) - self.radius
 
     def chart(self, face: ca.SX | None = None) -> SurfaceChart:  # noqa: ARG002
-        """All but the poles."""
+        """The sphere without its poles."""
         return SphereChart(self)
 
     def geom(self) -> Geom:
@@ -44,7 +44,7 @@ class Sphere(ToolSurface):
 
     @property
     def volume(self) -> float:
-        """Of the sphere [m^3]."""
+        """Volume of the sphere [m^3]."""
         return float(4 / 3 * np.pi * np.prod([self.radius] * 3))
 
     def inertia(self, mass: float) -> list[float]:
@@ -83,15 +83,15 @@ class SphereChart(SurfaceChart):
         return self.sphere.distance(point)
 
     def normal(self, point: ca.SX) -> ca.SX:
-        """Away from the centre."""
+        """Unit vector (3,) away from the centre, world."""
         x = self.sphere.local(point)
         n = x / ca.sqrt(ca.sumsqr(x) + 1e-30)
         return ca.DM(self.sphere.rotation) @ n
 
     def own_x(self) -> ca.SX:
-        """x of the sphere."""
+        """The x axis of the sphere (3,), world."""
         return ca.SX(ca.DM(self.sphere.rotation[:, 0]))
 
     def margin(self, point: ca.SX, heading: Vector | None) -> ca.SX:
-        """Positive away from the poles."""
+        """Distance from the poles, positive away from them."""
         return self.away_from_pole(point, heading)

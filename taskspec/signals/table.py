@@ -87,7 +87,7 @@ class Signal:
 
     @property
     def dimension(self) -> Dimension:
-        """Of its first member."""
+        """Dimension of its first member."""
         return next(iter(self.dimensions.values()))
 
     @property

@@ -55,7 +55,7 @@ class Sides(FieldType):
     """The text of an equation."""
 
     def read(self, value: object, context: ParseContext) -> Constraint:
-        """The constraint."""
+        """The constraint of the text."""
         nothing = Constraint(Expression("", Name(("x",)), NUMBER), "=", joints=False)
         if not isinstance(value, Text):
             message = f"an equation is needed here, this is {kind_of(value)}"
@@ -133,7 +133,7 @@ class EquationObject(Model):
 
     @property
     def kind(self) -> str:
-        """Of its signals."""
+        """The kind of its signals."""
         return "joint equation" if self.equation.joints else "equation"
 
 

@@ -85,7 +85,7 @@ class Effect:
 
     @property
     def kind(self) -> type[FaultKind]:
-        """Its kind."""
+        """The fault kind of its word."""
         return KINDS[self.word]
 
 
@@ -293,12 +293,12 @@ class Fault(_Lasting):
 
     @property
     def device(self) -> str:
-        """What it happens to."""
+        """The device that fails: sensor, torque or encoder."""
         return next(device for device in DEVICES if getattr(self, device) is not None)
 
     @property
     def effect(self) -> Effect:
-        """What it does."""
+        """The effect on the device."""
         found = getattr(self, self.device)
         assert isinstance(found, Effect)
         return found

@@ -144,16 +144,16 @@ class Inclusion:
         shown = os.path.normpath(self._folder / folder / entry.value)
         source = Source(shown, normal(text))
         self._sources[shown] = source
-        way = ("included here", nodes.pointer(entry))
+        note = ("included here", nodes.pointer(entry))
         inner = Diagnostics(shown)
         tree = read(source, inner)
         notes = tuple(Note(words, span.source or self._found.source, span)
-                      for words, span in (way, *way[1].via))  # fmt: skip
+                      for words, span in (note, *note[1].via))  # fmt: skip
         self._found.extend(replace(d, notes=(*d.notes, *notes)) for d in inner.sorted())
         if not isinstance(tree, MappingNode):
             self.missing = True
             return None
-        Moved(shown, way).move(tree)
+        Moved(shown, note).move(tree)
         for key, (name, _) in list(tree.entries.items()):
             if key not in _ALLOWED:
                 self._found.error(
@@ -228,8 +228,8 @@ class Inclusion:
 class Moved:
     """Moves the places of a tree to the text that it was read from."""
 
-    def __init__(self, source: str, way: tuple[str, Span]) -> None:
-        self._source, self._way = source, way
+    def __init__(self, source: str, note: tuple[str, Span]) -> None:
+        self._source, self._note = source, note
 
     def move(self, node: Node) -> None:
         """Changes a tree in place."""
@@ -244,18 +244,18 @@ class Moved:
             self.move(part)
 
     def _span(self, span: Span) -> Span:
-        return replace(span, source=self._source).reached(*self._way)
+        return replace(span, source=self._source).reached(*self._note)
 
 
-def _rebase(node: Node, folder: PurePath, way: tuple[str, ...]) -> None:
+def _rebase(node: Node, folder: PurePath, keys: tuple[str, ...]) -> None:
     """Makes paths that count from a file's folder count from that of the task."""
     if isinstance(node, MappingNode):
         for key, (_, value) in node.entries.items():
-            _rebase(value, folder, (*way, key))
+            _rebase(value, folder, (*keys, key))
     elif isinstance(node, Sequence):
         for item in node.items:
-            _rebase(item, folder, way)
-    elif way[-2:] in _PATHS and _is_path(node.value):
+            _rebase(item, folder, keys)
+    elif keys[-2:] in _PATHS and _is_path(node.value):
         o = node.origin
         node.value = str(folder / node.value)
         node.origin = Origin(o.span, node.value, o.raw, o.skip)

@@ -129,7 +129,7 @@ class Mechanism(Model):
 
     @property
     def kind(self) -> str:
-        """Of its signals."""
+        """The kind of its signals."""
         return self.mechanism
 
     @property
@@ -189,7 +189,7 @@ class Screw(_Turning):
     inertia: Annotated[float, Constant(INERTIA, above=0)] = Field(0.001, title="Inertia")
     mass: Annotated[float, Constant(MASS, above=0)] = Field(0.1, title="Mass")
     pitch: Annotated[float, Constant(LENGTH / ANGLE)] = Field(
-        title="Pitch", description="Way along z in one turn, such as 2 mm/turn"
+        title="Pitch", description="Travel along z in one turn, such as 2 mm/turn"
     )
 
     @property

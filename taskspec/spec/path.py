@@ -69,7 +69,7 @@ class _PathKeys(Model):
 
     @classmethod
     def kind(cls) -> type[PathForm]:
-        """Which."""
+        """The class of its path form."""
         return _PATHS[cls.__name__.lower()]
 
     @classmethod

@@ -69,17 +69,17 @@ class ProtectionFile:
         if read_in is None:
             return False
         self._sources[read_in.name] = read_in
-        way = ("named here", nodes.pointer(named))
+        note = ("named here", nodes.pointer(named))
         inner = Diagnostics(read_in.name)
         tree = read(read_in, inner)
         notes = tuple(
             Note(words, span.source or self._found.source, span)
-            for words, span in (way, *way[1].via)
+            for words, span in (note, *note[1].via)
         )
         self._found.extend(replace(d, notes=(*d.notes, *notes)) for d in inner.sorted())
         if not isinstance(tree, MappingNode):
             return False
-        Moved(read_in.name, way).move(tree)
+        Moved(read_in.name, note).move(tree)
         assert isinstance(robot, MappingNode)
         robot.entries["protection"] = (key, tree)
         return True

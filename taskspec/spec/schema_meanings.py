@@ -23,7 +23,7 @@ _MECHANISM = _PLACED | {
     "damping": ("Viscous resistance to its motion; by default none.", ()),
     "friction": ("Coulomb friction of its joint; by default none.", ()),
     "stop": ("Least and greatest coordinate, with 0 between them; by default none.", ()),
-    "detent": ("A snap on its way; by default none.", ({"at": "20 deg", "force": "1 N*m",
+    "detent": ("A snap along its travel; by default none.", ({"at": "20 deg", "force": "1 N*m",
                                                         "width": "5 deg"},)),
     "inertia": ("Moment of inertia about its axis.", ("0.02 kg*m^2",)),
     "mass": ("What moves with it.", ("1 kg",)),
@@ -46,7 +46,7 @@ def _of_axes(*, rotation: bool) -> dict[str, Meaning]:
 
 
 _EQUATION = {
-    "equation": ("The constraint. Both ways with =, one way with <= or >=.", ()),
+    "equation": ("The constraint. In both directions with =, in one with <= or >=.", ()),
     "frame": ("The frame in which x, y and z count; by default the world.", ()),
     "stiffness": ("How stiffly the world keeps it, along the unit gradient.", ("50 kN/m",)),
     "damping": ("Damping along the unit gradient.", ("50 N*s/m",)),
@@ -105,7 +105,7 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
                 ([0, "90 deg", 0],)),
     },
     "Payload": {
-        "mass": ("Of what the tool really carries besides; a point.", ("300 g",)),
+        "mass": ("Of a point mass that the tool carries in truth.", ("300 g",)),
         "xyz": ("Where it is in the tool's axes, from the tip; by default at the tip.",
                 ([0, 0, "20 mm"],)),
     },
@@ -114,7 +114,7 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "expect": ("How often what is to hold, at 95 % confidence.", ("success >= 99 %",)),
     },
     "Branch": {
-        "when": ("Taken if this holds as the stage ends well; the last way has none.", ()),
+        "when": ("Taken if this holds as the stage ends well; the last branch has none.", ()),
         "to": ("The stage that follows, end or fail.", ()),
     },
     "Fault": {
@@ -144,7 +144,7 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
     "AngularDetent": _DETENT, "LinearDetent": _DETENT,
     "EquationObject": _EQUATION, "JointEquation": _EQUATION,
     "Hinge": _MECHANISM, "Slide": _MECHANISM,
-    "Screw": _MECHANISM | {"pitch": ("Way along its axis for an angle about it.", ("2 mm/turn",))},
+    "Screw": _MECHANISM | {"pitch": ("Travel along its axis per angle about it.", ("2 mm/turn",))},
     "ForceGains": {
         "proportional": (f"Share of the force error that is added at once{_GAIN}", ()),
         "integral": (f"How fast the force error is summed up{_GAIN}", ("12 /s",)),

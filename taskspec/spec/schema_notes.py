@@ -48,7 +48,7 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
         "Of the real joints; the controller does not know of it",
         ("0.5 N*m",),
     ),
-    "Robot.payload": ("What the tool really carries besides", ("300 g",)),
+    "Robot.payload": ("What the tool carries in truth", ("300 g",)),
     "Control.plant_rate": ("", ("2 kHz",)),
     "EquationObject.frame": ("", ("task",)),
     "ForceGains.proportional": ("", (0.5, {"z": 0.5})),

@@ -123,7 +123,7 @@ class Branch(Model):
     to: StageName = Field(title="Where it leads", description="A stage, end or fail")
 
 
-class Ways:
+class Branches:
     """Reads `next`: a name, or a list of branches of which the last one has no condition."""
 
     def __get_pydantic_core_schema__(
@@ -227,7 +227,7 @@ class Stage(Model):
     within: Within | None = Field(None, title="The bound of the condition")
     fail_if: Condition | None = Field(None, title="The condition that ends the stage as a failure")
     time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Planned length")
-    next: Annotated[tuple[Branch, ...], Ways()] = Field(
+    next: Annotated[tuple[Branch, ...], Branches()] = Field(
         (), title="What follows", description="A stage, end or fail; or a list of them by condition"
     )
     on_fail: StageName | None = Field(
@@ -245,7 +245,7 @@ class Stage(Model):
 
     allow: Annotated[tuple[str, ...], _ALLOWED] = Field((), title="Faults that a run may have")
 
-    def ways(self, following: str) -> tuple[str, ...]:
+    def targets(self, following: str) -> tuple[str, ...]:
         """Where it may lead when it ends well, the default last.
 
         Args:

@@ -52,7 +52,7 @@ class Version(FieldType):
     """The version of the language."""
 
     def read(self, value: object, context: ParseContext) -> int:
-        """1."""
+        """The version, which is 1."""
         if not (isinstance(value, Whole) and value == VERSION):
             text = str(value) if isinstance(value, Text | Whole | Real) else "this"
             message = f"version '{text}' of the language is not known"

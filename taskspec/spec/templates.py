@@ -172,8 +172,8 @@ class _Uses:
         if template is None or texts is None:
             self._unclear = plain.broken = True
             return plain
-        way = (f"used by the stage '{name}'", used.span)
-        copied = _Copy(texts, way, self._used.setdefault(template.name, set()), self._found)
+        note = (f"used by the stage '{name}'", used.span)
+        copied = _Copy(texts, note, self._used.setdefault(template.name, set()), self._found)
         body = copied.node(_without_params(template.body), "")
         assert isinstance(body, MappingNode)
         self._parts += copied.parts
@@ -272,11 +272,11 @@ class _Copy:
     def __init__(
         self,
         texts: Mapping[str, Node],
-        way: tuple[str, Span],
+        note: tuple[str, Span],
         used: set[str],
         found: Diagnostics,
     ) -> None:
-        self._texts, self._way, self._used, self._found = texts, way, used, found
+        self._texts, self._note, self._used, self._found = texts, note, used, found
         self.readable: dict[str, bool] = {}
         self._scalars = {name: text for name, text in texts.items() if isinstance(text, Scalar)}
         self.parts = 0
@@ -286,17 +286,17 @@ class _Copy:
         self.parts += 1
         if isinstance(node, Scalar):
             return self._scalar(node, key)
-        span = node.span.reached(*self._way)
+        span = node.span.reached(*self._note)
         if isinstance(node, Sequence):
             return Sequence(span, node.flow, [self.node(i, key) for i in node.items], node.broken)
         entries = {
-            name: (self._placed(each, *self._way), self.node(value, name))
+            name: (self._placed(each, *self._note), self.node(value, name))
             for name, (each, value) in node.entries.items()
         }
         return MappingNode(span, node.flow, entries, node.broken)
 
     def _scalar(self, node: Scalar, key: str) -> Node:
-        here = self._placed(node, *self._way)
+        here = self._placed(node, *self._note)
         if node.value in self._texts:
             self._used.add(node.value)
             return self._given(self._texts[node.value], here.span)
@@ -334,16 +334,16 @@ class _Copy:
     def _given(self, value: Node, place: Span) -> Node:
         """What a stage gives, where a param is the whole of a value."""
         self.parts += 1
-        way = ("used by the template here", Span(place.line, place.column, place.end_line,
+        note = ("used by the template here", Span(place.line, place.column, place.end_line,
                                                  place.end_column, place.source))  # fmt: skip
         if isinstance(value, Scalar):
-            return self._placed(value, *way)
-        span = value.span.reached(*way)
+            return self._placed(value, *note)
+        span = value.span.reached(*note)
         if isinstance(value, Sequence):
             items = [self._given(item, place) for item in value.items]
             return Sequence(span, value.flow, items, value.broken)
         entries = {
-            name: (self._placed(each, *way), self._given(below, place))
+            name: (self._placed(each, *note), self._given(below, place))
             for name, (each, below) in value.entries.items()
         }
         return MappingNode(span, value.flow, entries, value.broken)

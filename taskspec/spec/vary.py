@@ -136,7 +136,7 @@ class _Names:
         return replace(plain, params=params, broken=plain.broken | self.broken)
 
     def used(self, node: Node) -> dict[str, _Named]:
-        """Those that a tree uses."""
+        """The names that a tree uses."""
         names = (str(each) for each in walk(node) if isinstance(each, Name))
         return {name: self.known[name] for name in names if name in self.known}
 

@@ -155,7 +155,7 @@ class Shape(_SizedShape):
 
     @property
     def kind(self) -> str:
-        """Of its signals."""
+        """The kind of its signals."""
         return "shape"
 
     @property

@@ -1,6 +1,6 @@
 """Diagnostics: what is wrong, where in a text, and what to do about it.
 
-What a rule finds about a plan is a `taskspec.rules.Finding` until its place is looked up in the
+What a rule finds about a plan is a `taskspec.rules.Finding` until its place is found in the
 text of the file; from there on, and for everything that reading a file reports, it is a diagnostic.
 """
 

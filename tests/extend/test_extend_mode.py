@@ -60,7 +60,7 @@ class Sway(AxisMode):
     def hand_over(self, at: StageStart) -> HandOver:
         return from_start(at)
 
-    def way(self, known: Known, start: float) -> Callable[[float], float]:  # noqa: ARG002
+    def displacement(self, known: Known, start: float) -> Callable[[float], float]:  # noqa: ARG002
         return lambda time: self.sway * math.sin(RATE * time)
 
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002

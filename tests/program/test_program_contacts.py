@@ -57,7 +57,7 @@ def test_the_way_to_a_shape_is_that_of_its_closed_form(shape, direction, way):
     """From the ball's centre at 360 mm: the tip is its lowest point."""
     met = ahead(shape, direction)
     assert met is not None
-    assert met.way == pytest.approx(way, abs=1e-8)
+    assert met.travel == pytest.approx(way, abs=1e-8)
     assert float(met.normal @ direction) < 0
 
 
@@ -65,7 +65,7 @@ def test_a_sphere_is_met_off_its_middle():
     """(x - a)^2 + z^2 = (r + R)^2 at an offset a."""
     met = ahead("sphere, radius: 50 mm", DOWN, "[500 mm, 30 mm, 200 mm]")
     height = math.sqrt(0.07**2 - 0.03**2)
-    assert met.way == pytest.approx(0.16 - height, abs=1e-8)
+    assert met.travel == pytest.approx(0.16 - height, abs=1e-8)
     assert met.normal == pytest.approx(np.array([0.0, -0.03, height]) / 0.07, abs=1e-6)
 
 

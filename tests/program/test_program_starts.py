@@ -162,7 +162,7 @@ def test_what_is_predicted_is_what_the_reference_does(simulate, axes):
     course = program.plan.follow("on").nominal.course
     run = simulate(file)
     t = run.during("on", "t")
-    for axis in course.ways:
+    for axis in course.displacements:
         ref = run.during("on", f"position.{axis}.ref")
-        predicted = np.array([course.ways[axis](s) for s in t])
+        predicted = np.array([course.displacements[axis](s) for s in t])
         np.testing.assert_allclose(predicted, ref - ref[0], atol=1e-6)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from taskspec.analysis import oscillation as oscillations
 from taskspec.compiler import admit, compile_unchecked
 from taskspec.examination import examine
 from taskspec.spec import load_text
@@ -17,6 +16,7 @@ from taskspec_runner.cli.app import app
 from taskspec_runner.report.page import render
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute_program
+from taskspec_runner.verdict import oscillation as oscillations
 from taskspec_runner.verdict.oscillation import LEAST_TICKS, References, oscillation
 from taskspec_runner.verdict.run_finding import read_finding
 

@@ -1,4 +1,4 @@
-"""How laws compare, as tables: one of the laws, and one for each stage with a force to reach."""
+"""Comparison of laws as tables: one of the laws, and one for each stage with a force to reach."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the command line begins and ends as a process."""
+"""Start and end of the command line as a process."""
 
 from __future__ import annotations
 

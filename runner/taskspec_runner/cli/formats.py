@@ -6,14 +6,14 @@ from enum import StrEnum
 
 
 class RunFormat(StrEnum):
-    """How a run reports its outcome."""
+    """Forms in which a run reports its outcome."""
 
     TEXT = "text"
     JSON = "json"
 
 
 class OutcomeFormat(StrEnum):
-    """How runs of task files report whether they are as the files expect."""
+    """Forms in which runs report whether the expectations are met."""
 
     TEXT = "text"
     JSON = "json"
@@ -22,7 +22,7 @@ class OutcomeFormat(StrEnum):
 
 
 class DiagnosticFormat(StrEnum):
-    """How diagnostics of task files are reported."""
+    """Forms in which diagnostics of task files are reported."""
 
     FULL = "full"
     CONCISE = "concise"

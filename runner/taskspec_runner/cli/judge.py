@@ -128,7 +128,7 @@ def _show(
 
 
 def _apart(judged: Sequence[Json], found: Sequence[Json], said: Json) -> Iterator[str]:
-    """What a summary says otherwise, a line each."""
+    """Differences to a summary, a line each."""
     theirs = mappings(said.get("expectations"))
     for number, each in enumerate(judged):
         entry = theirs[number] if number < len(theirs) else {}

@@ -1,4 +1,4 @@
-"""What was found about a file before, as the commands use it."""
+"""Cached findings about a file, as the commands use them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _RUNNER = Path(__file__).parents[1]
 
 
 class Before:
-    """What was found about a file the last time, as long as it stays as it is now."""
+    """The cached findings about a file, valid while it stays unchanged."""
 
     def __init__(
         self,
@@ -35,7 +35,7 @@ class Before:
         self._key = self._ask() if keeps and path != STDIN else None
 
     def found(self) -> KeptFindings | None:
-        """What was found; None where the file, or what it names, is another than then."""
+        """The findings; None where the file, or what it names, has changed."""
         return None if self._key is None else known_findings(self._key)
 
     @property

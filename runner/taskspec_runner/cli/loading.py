@@ -55,7 +55,7 @@ def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> Loaded
 
 @functools.lru_cache(maxsize=1)
 def _read_once(stream: TextIO) -> str:
-    """What a stream brings; some commands load a task more than once."""
+    """The text of a stream, read once: some commands load a task more than once."""
     return read_text(stream.buffer)
 
 

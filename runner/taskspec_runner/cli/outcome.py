@@ -1,4 +1,4 @@
-"""How a run went, as tables: what was expected, how well it was tracked, why it ended."""
+"""The outcome of a run as tables: expectations, tracking, why it ended."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ def _forced(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _lost(summary: Mapping[str, Any]) -> Iterator[str]:
-    """How often stages lost a contact that they were to hold, a line each; nothing if never."""
+    """Contacts that stages lost, a line each; nothing where none was lost."""
     for stage, contact in summary["contact"].items():
         if contact["losses"]:
             times = "once" if contact["losses"] == 1 else f"{contact['losses']} times"

@@ -38,7 +38,7 @@ def collect_rarely() -> None:
 def in_order(
     work: Callable[[Path], T], files: Sequence[Path], processes: int | None = None
 ) -> Generator[T, None, None]:
-    """What `work` makes of each file, in the order of the files.
+    """The results of `work` for each file, in the order of the files.
 
     Where processes cannot be had, or one is lost, the files that are left are done here.
 
@@ -101,7 +101,7 @@ def _begin(over: Event) -> None:
 
 
 def processors() -> int:
-    """How many processors this process may use."""
+    """Number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Listening:
-    """A plant that is served, and whoever comes to drive it."""
+    """A served plant, and the controller that drives it."""
 
     served: PlantOptions
 

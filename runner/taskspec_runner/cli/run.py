@@ -108,7 +108,7 @@ def _check(telemetry: str | None, out: Path | None, video: Path | None) -> None:
 
 
 class Connects(Protocol):
-    """What makes the link of a run, as a command line has it."""
+    """Factory of the link of a run, as a command line has it."""
 
     def check(self, *, seed: int, world: str | None, loop: str | None, video: Path | None) -> None:
         """Finds out what can be known before anything is read.

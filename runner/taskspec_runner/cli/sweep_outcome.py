@@ -1,4 +1,4 @@
-"""What a sweep came to, on the console."""
+"""The result of a sweep on the console."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _depends(result: SweepResult) -> Iterator[str]:
 
 
 def _worlds(numbers: Sequence[int]) -> str:
-    """Such as `worlds 3, 17`."""
+    """Numbers of worlds in words, such as `worlds 3, 17`."""
     return f"world{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
 

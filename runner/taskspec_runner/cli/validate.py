@@ -189,7 +189,7 @@ Named = TypeVar("Named", Diagnostic, Note)
 
 @dataclass(frozen=True)
 class _Found:
-    """What is found about a file.
+    """The findings about a file.
 
     `unchecked` says what could not be checked, and why, `world` what is otherwise in the world
     that was examined.
@@ -202,7 +202,7 @@ class _Found:
 
 
 def _before(path: Path, how: ValidateOptions, several: bool) -> _Found | None:
-    """What was found about a file that is as it was then; None of another."""
+    """The cached findings of an unchanged file; None where it has changed."""
     kept = Before(path, how.sets, how.law, static=how.static).found()
     if kept is None:
         return None
@@ -213,7 +213,7 @@ def _before(path: Path, how: ValidateOptions, several: bool) -> _Found | None:
 def _outcome(
     path: Path, *, how: ValidateOptions, several: bool, keeps: bool
 ) -> _Found | _Unreadable | _Broken:
-    """What is found about a file; of what can go wrong with it, only the words."""
+    """The findings about a file; of a failure to examine it, only the message."""
     try:
         found = _examine(path, how, keeps=keeps)
         return _attributed(found, path) if several and (how.sets or how.law) else found
@@ -325,7 +325,7 @@ def _in_world(path: Path, loaded: LoadedTask, named: str, seed: int) -> tuple[Lo
 
 
 def _without(missing: str, error: ImportError) -> str:
-    """What is not checked where a library cannot be imported."""
+    """The checks that are left out where a library cannot be imported."""
     return (
         f"{missing} cannot be imported ({error}), so only text, names, units and modes were "
         "checked; robot, start, contacts, motions and stability were not"

@@ -25,7 +25,7 @@ class Failure:
 
 @dataclass(frozen=True, slots=True)
 class Validation:
-    """What validating a number of files comes to.
+    """Result of validating a number of files.
 
     Attributes:
         files: the files that were examined, in order.
@@ -56,7 +56,7 @@ class Validation:
         return replace(self, diagnostics=kept)
 
     def count(self, severity: Severity) -> int:
-        """How many diagnostics are of a severity."""
+        """Number of diagnostics of a severity."""
         return sum(d.severity is severity for found in self.diagnostics.values() for d in found)
 
     def fails(self, diagnostic: Diagnostic) -> bool:

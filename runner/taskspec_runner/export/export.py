@@ -32,7 +32,7 @@ _WRITERS: dict[str, Callable[[LogStream, Path], None]] = {
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What was written.
+    """The files that were written.
 
     Attributes:
         path: of the file.

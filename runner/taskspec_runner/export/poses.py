@@ -1,4 +1,4 @@
-"""Where tool and task frame were at the ticks of a log that comes in chunks."""
+"""Poses of tool and task frame at the ticks of a log that comes in chunks."""
 
 from __future__ import annotations
 

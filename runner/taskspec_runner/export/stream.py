@@ -74,13 +74,13 @@ class LogStream:
 
     @property
     def extent(self) -> Extent:
-        """How much of the run went by."""
+        """The extent of the run that has been streamed."""
         until = self._ends[-1] + float(np.sum(np.diff(self._ends))) if self._ends else 0.0
         return self.run.extent_of(self.ticks, until)
 
     @property
     def metadata(self) -> dict[str, str]:
-        """What a reader of the log alone must know of the run, as texts."""
+        """Facts about the run for a reader of the log alone, as texts."""
         manifest, extent = self.run.manifest, self.extent
         return {
             "taskspec.task": str(manifest.get("task") or ""),

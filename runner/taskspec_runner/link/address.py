@@ -1,4 +1,4 @@
-"""Where a robot or a plant is: `udp://HOST:PORT`."""
+"""Address of a robot or a plant: `udp://HOST:PORT`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Endpoint:
 
     @property
     def text(self) -> str:
-        """As it is written."""
+        """The address as it is written."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"udp://{host}:{self.port}"
 

@@ -1,4 +1,4 @@
-"""How plant and controller meet where they are not one loop, as a run sees it."""
+"""The link of a run whose plant and controller are not one loop."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ class Link(Protocol):
         """Whether the plant waits for each answer, so that nothing is late or lost."""
 
     def assemble(self, program: Program, world: World) -> Assembly[Driven]:
-        """What the run is made of."""
+        """Assembles the parts of the run."""
 
     def finish(self, text: str) -> None:
         """Reports to the other end that the run has ended, and why. May be called twice."""
 
     def as_data(self) -> dict[str, Any]:
-        """What a summary says of it."""
+        """The entry of a summary."""
 
 
 def link_summary(link: Link, history: History) -> dict[str, Any]:
-    """What a summary says of a link: its counts, and how late what came for the ticks came [s]."""
+    """Entry of a summary about a link: its counts, and the lateness of its samples [s]."""
     late = history.columns[_LATENESS_COLUMN] if not link.lock_step and len(history) else np.zeros(0)
     found = link.as_data() | {"ticks": len(history)}
     if len(late):

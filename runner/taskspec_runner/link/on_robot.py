@@ -36,7 +36,7 @@ _USELESS = 1000
 
 @dataclass(frozen=True, slots=True)
 class LostPolicy:
-    """What becomes of samples that do not come.
+    """Policy for samples that do not come.
 
     Attributes:
         lost: `catch-up` or `hold`.
@@ -54,7 +54,7 @@ class LostPolicy:
 
 
 class RobotPlant:
-    """What the loop senses and steps, where that is a robot.
+    """A robot as the plant of the loop.
 
     A sample is the tick that its stamp says. One that comes again, or after a later one, is left
     out. For one that did not come the robot has held its last torque; `LostPolicy` says what the
@@ -209,13 +209,13 @@ class RobotPlant:
         return "robot_ended", "the robot has ended the run, and the task is not at its end"
 
     def as_data(self) -> dict[str, Any]:
-        """What a summary says of samples."""
+        """The entry of a summary about samples."""
         counts = ("lost", "in_a_row", "late", "repeated", "reordered", "early")
         return {name: getattr(self, name) for name in counts}
 
 
 class OnRobot:
-    """How a program is run on a robot.
+    """The link of a program to a robot.
 
     Attributes:
         robot: on which.
@@ -244,7 +244,7 @@ class OnRobot:
         RobotFacts.of(program, lock_step=True).check(self.robot.facts, self._where)
 
     def assemble(self, program: Program, world: World) -> Assembly[RobotPlant]:
-        """What the run is made of; there is no plant."""
+        """Assembles the parts of the run; there is no plant."""
         context = program.context
         bus = Bus(context.robot.pin.nv, world.task, linked=not self.lock_step)
         measured = (np.zeros(6), np.zeros(len(context.equations)))
@@ -262,7 +262,7 @@ class OnRobot:
             self.robot.stop(text)
 
     def as_data(self) -> dict[str, Any]:
-        """What a summary says of the link."""
+        """The entry of a summary about the link."""
         assert self._plant is not None
         robot = {"name": self.robot.facts.name, "rejected": getattr(self.robot, "rejected", 0)}
         policy = {"lost": self.policy.lost, "stop_after": self.policy.stop_after}

@@ -144,7 +144,7 @@ class StateBody:
     extras: Vector
 
     def to_bytes(self) -> bytes:
-        """The body."""
+        """The body as bytes."""
         head = STATE_BODY.pack(
             self.flags,
             self.stage,
@@ -205,7 +205,7 @@ def json_body(content: Mapping[str, Any]) -> bytes:
 
 
 def read_json_body(body: bytes) -> dict[str, Any]:
-    """What a hello or a welcome says.
+    """Reads the body of a hello or a welcome.
 
     Raises:
         PacketError: it is no JSON object.

@@ -1,4 +1,4 @@
-"""What a robot is to a run: joint state and wrench come from it, torques go to it."""
+"""A robot as a run uses it: joint state and wrench come from it, torques go to it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SAME_RATE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class RobotLimits:
-    """What a robot can do, by joint.
+    """Limits of a robot by joint.
 
     Attributes:
         torque: (n,) [N m, N].
@@ -41,14 +41,14 @@ class RobotLimits:
 
     @classmethod
     def of(cls, robot: RobotModel) -> RobotLimits:
-        """Those of a model."""
+        """The limits of a model."""
         parts = (robot.torque_limit, robot.velocity_limit, robot.lower, robot.upper)
         return cls(*(tuple(map(float, part)) for part in parts))
 
 
 @dataclass(frozen=True, slots=True)
 class RobotFacts:
-    """What a robot says of itself before it moves.
+    """Facts that a robot reports before it moves.
 
     Attributes:
         name: of the robot.
@@ -68,7 +68,7 @@ class RobotFacts:
 
     @classmethod
     def of(cls, program: Program, *, lock_step: bool) -> RobotFacts:
-        """What a task wants of the robot that it runs on."""
+        """The requirements of a task on its robot."""
         context = program.context
         task = context.loaded.task
         zero = sensor_zero(task, task.robot.sensor, context.robot)
@@ -127,7 +127,7 @@ def _listed(names: Sequence[str]) -> str:
 
 @dataclass(slots=True, eq=False)
 class Sample:
-    """What a robot has measured at an instant.
+    """Measurements of a robot at an instant.
 
     Attributes:
         q, v: (n,) joint positions and velocities [rad or m], [rad/s or m/s].

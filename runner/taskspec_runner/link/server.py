@@ -57,7 +57,7 @@ _OUTPUTS = (
 
 @dataclass(frozen=True, slots=True)
 class ServerOptions:
-    """How a plant is served.
+    """Options of a served plant.
 
     Attributes:
         free_running: at the wall clock; else in lock-step.
@@ -235,7 +235,7 @@ def _line(text: object) -> str:
 
 
 class ServedPlant:
-    """What the loop senses and steps, where a controller elsewhere has the torques.
+    """The plant of the loop where a remote controller commands the torques.
 
     In lock-step a sample is sent until it is answered. At the wall clock an answer counts that is
     there when the period is over; without one the last torque is held. Where this process itself
@@ -318,7 +318,7 @@ class ServedPlant:
         return self._plant
 
     def alarm(self) -> tuple[str, str] | None:
-        """The simulator's own."""
+        """The alarm of the simulator; None without one."""
         return self._plant.alarm()
 
     def _state(self, flags: int) -> StateBody:
@@ -417,7 +417,7 @@ class ServedPlant:
         self._server.say_stop(text)
 
     def as_data(self) -> dict[str, Any]:
-        """What a summary says of answers."""
+        """The entry of a summary about answers."""
         counts = ("lost", "in_a_row", "late", "repeated", "clipped")
         return {name: getattr(self, name) for name in counts}
 
@@ -428,7 +428,7 @@ def slices_of(parts: Assembly[Plant]) -> dict[str, Vector]:
 
 
 class Served:
-    """How a program's plant is served: the run of whoever drives it.
+    """The link that serves a program's plant to a remote controller.
 
     Attributes:
         server: that it is served by.
@@ -448,7 +448,7 @@ class Served:
         return not self.options.free_running
 
     def assemble(self, program: Program, world: World) -> Assembly[ServedPlant]:
-        """What the run is made of; answers drive the plant."""
+        """Assembles the parts of the run; answers drive the plant."""
         parts = assemble(program, world, linked=not self.lock_step)
         # Its torques are not applied: what its program cannot answer is no reason to stop.
         parts.machine.followed = False
@@ -468,7 +468,7 @@ class Served:
         self.server.close()
 
     def as_data(self) -> dict[str, Any]:
-        """What a summary says of the link."""
+        """The entry of a summary about the link."""
         assert self._plant is not None
         mode = "lock-step" if self.lock_step else "free-running"
         said = {"end": "plant", "mode": mode, "name": self.server.client}

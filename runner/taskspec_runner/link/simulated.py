@@ -19,7 +19,7 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Inputs:
-    """Where a sensor puts what it measures, as a machine has it."""
+    """The inputs of a machine that a sensor writes."""
 
     q: Vector
     v: Vector

@@ -120,7 +120,7 @@ class UdpRobot:
         )
 
     def _received(self, until: float) -> bytes | None:
-        """What comes next; None if nothing does until a time of `time.monotonic` [s]."""
+        """The next packet; None if none comes until a time of `time.monotonic` [s]."""
         found = received(self._socket, until - time.monotonic())
         return None if found is None else found[0]
 
@@ -240,7 +240,7 @@ def _connected(endpoint: Endpoint) -> socket.socket:
 
 
 def _facts(said: Mapping[str, Any], where: str) -> tuple[RobotFacts, RobotLimits]:
-    """What a welcome says.
+    """The robot's facts in a welcome.
 
     Raises:
         InputError: it does not say it.

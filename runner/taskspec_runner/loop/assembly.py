@@ -28,7 +28,7 @@ P = TypeVar("P", bound=Driven, covariant=True)
 
 @dataclass(frozen=True, slots=True)
 class Assembly(Generic[P]):
-    """What a run is made of.
+    """The parts of a run.
 
     Attributes:
         program: the compiled task.

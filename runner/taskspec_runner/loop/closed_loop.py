@@ -1,4 +1,4 @@
-"""What a tick goes through, whoever runs it: Python or machine code."""
+"""The parts of a tick, for the loops in Python and in machine code."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LOOK_EVERY = 20
 
 @dataclass(frozen=True, slots=True)
 class ClosedLoop:
-    """What a tick goes through.
+    """The parts of a tick.
 
     Attributes:
         machine, plant, bus: of the run.
@@ -42,7 +42,7 @@ class ClosedLoop:
 
     @property
     def read(self) -> Callable[[], None]:
-        """Measures."""
+        """Measures the arm for this tick."""
         read = self.sensing.read
         return read if self.faults is None else partial(self.faults.read, self.sensing)
 

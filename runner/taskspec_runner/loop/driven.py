@@ -1,4 +1,4 @@
-"""What the loop steps, measures by and records with: protocols, for plants here and elsewhere."""
+"""Protocols of what the loop steps, senses and records, for local and remote plants."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Vector = NDArray[np.float64]
 
 
 class TickSink(Protocol):
-    """What takes every tick."""
+    """A sink of every tick."""
 
     def add(self) -> None:
         """Takes the bus as it is now."""
@@ -22,7 +22,7 @@ class TickSink(Protocol):
 
 @runtime_checkable
 class BlockSink(TickSink, Protocol):
-    """What takes ticks also by the dozen, from a loop that writes them into its block.
+    """A sink that also takes ticks in blocks, from a loop that writes them itself.
 
     Attributes:
         block: where they are to be; None where they need not be kept.
@@ -32,7 +32,7 @@ class BlockSink(TickSink, Protocol):
 
     @property
     def left(self) -> int:
-        """How many ticks it takes before it has to look at one, the last of them."""
+        """Number of ticks until it has to read one, the last of them."""
 
     def advance(self, ticks: int) -> None:
         """Takes ticks that are in the block."""
@@ -42,7 +42,7 @@ class BlockSink(TickSink, Protocol):
 
 
 class DrivenArm(Protocol):
-    """What the loop uses of an arm.
+    """The part of an arm that the loop uses.
 
     Attributes:
         diverged: whether alarms are to be checked now.
@@ -52,7 +52,7 @@ class DrivenArm(Protocol):
 
 
 class Driven(Protocol):
-    """What the loop steps: a plant, or what stands for one that is elsewhere."""
+    """The plant that the loop steps, local or remote."""
 
     @property
     def arm(self) -> DrivenArm:
@@ -76,7 +76,7 @@ class Driven(Protocol):
 
 
 class Senses(Protocol):
-    """What gives the controller what is measured."""
+    """The sensing of the controller's inputs."""
 
     def read(self) -> None:
         """Writes the measurement into the controller's inputs.

@@ -74,7 +74,7 @@ class _Running:
 
     @property
     def channels(self) -> list[int]:
-        """What it may happen to: rows of a reading, or joints from 0 on."""
+        """Channels that can fail: rows of a reading, or joints from 0 on."""
         return self._channels
 
     def on(self, machine: Machine, tick: int, values: Vector, rates: Vector | None = None) -> bool:

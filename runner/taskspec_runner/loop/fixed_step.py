@@ -45,7 +45,7 @@ DONE, FAILED, STOPPED = "done", "failed", "stopped"
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a run ended.
+    """The end of a run.
 
     Attributes:
         status: done (the task reached `end`), failed (it reached `fail`), stopped (a limit or a
@@ -253,7 +253,7 @@ class _Native:
 
     @property
     def name(self) -> str:
-        """Of the loop."""
+        """Name of the loop."""
         return NATIVE if self.used else PYTHON
 
     def run(self, ticks: int) -> int:

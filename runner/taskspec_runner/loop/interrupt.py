@@ -64,7 +64,7 @@ class _Handlers(ABC):
 
     @abstractmethod
     def _hear(self, number: int, _frame: FrameType | None) -> None:
-        """Takes a signal."""
+        """Notes a signal of the operating system."""
 
     def _restore(self) -> None:
         while self._usual:
@@ -119,7 +119,7 @@ def deaf() -> Iterator[None]:
 
 
 def begin_worker() -> None:
-    """What a process that works for another one does first; it ends with that one."""
+    """Prepares a worker process, which ends with its parent."""
     # Ctrl-C reaches every process of a terminal; the first one ends the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):

@@ -1,4 +1,4 @@
-"""What is measured of the plant."""
+"""Measurements of the plant."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Vector = NDArray[np.float64]
 
 
 class Sensed(Protocol):
-    """Where what is measured goes, as a `Machine` has it."""
+    """The inputs of a `Machine` that measurements are written to."""
 
     @property
     def q(self) -> Vector: ...  # noqa: D102

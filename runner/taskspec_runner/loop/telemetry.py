@@ -27,7 +27,7 @@ _FORM = "udp://HOST:PORT, such as udp://127.0.0.1:9870"
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where telemetry goes. `rate` is in messages a second of simulated time [Hz]."""
+    """Destination of telemetry. `rate` is in messages a second of simulated time [Hz]."""
 
     host: str
     port: int

@@ -1,4 +1,4 @@
-"""What follows a run that did not come to `end`: its arm is brought to rest."""
+"""After a run that did not come to `end`: its arm is brought to rest."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _HEALTHY = 1e8
 
 @dataclass(frozen=True, slots=True)
 class Brought:
-    """What became of an arm that was to be brought to rest.
+    """Result of bringing an arm to rest.
 
     Attributes:
         why: it was broken off; empty if it was not.

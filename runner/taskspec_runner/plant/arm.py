@@ -42,7 +42,7 @@ class SceneArm:
         return f"{PREFIX}{self.robot.tip_body}/{name}"
 
     def places(self, model: mujoco.MjModel) -> ArmPlaces:
-        """Where the arm's numbers are in those of a compiled scene."""
+        """Indices of the arm's numbers in a compiled scene."""
         joints = [model.joint(name).id for name in self.robot.joint_names]
         motors = [model.actuator(name).id for name in self.robot.joint_names]
         return ArmPlaces(
@@ -55,7 +55,7 @@ class SceneArm:
 
 @dataclass(frozen=True, slots=True)
 class ArmPlaces:
-    """Where an arm's numbers are in those of a compiled scene.
+    """Indices of an arm's numbers in a compiled scene.
 
     Attributes:
         positions: (n,) of its joints, in `qpos`.

@@ -76,7 +76,7 @@ class Equations:
 
 
 def reaction_function(task: Task, joints: int) -> ca.Function:
-    """What all equations exert, which is the same function in worlds of other compliances.
+    """Forces of all equations, which is the same function in worlds of other compliances.
 
     Args:
         task: with the equations.

@@ -92,7 +92,7 @@ def _set(model: mujoco.MjModel, number: int, k: float, b: float, mass: float, A:
 
 
 class Grip:
-    """What the coupling of an arm's tool exerts, of the numbers that MuJoCo has left of a step.
+    """Wrench of the coupling of an arm's tool, from MuJoCo's numbers after a step.
 
     Attributes:
         rows: (9,) forces of the coupling's rows among the constraints', copied by `read`.
@@ -136,7 +136,7 @@ class Grip:
 
     @property
     def effort(self) -> ca.SX:
-        """What the robot applies to the held mechanism's coordinate [N m, N].
+        """Effort of the robot on the held mechanism's coordinate [N m, N].
 
         The moment about the axis of the handle's force, of a fixed knob its own moment too, and of
         a screw its axial force times the lead. Of a loose body it is the force's magnitude [N].

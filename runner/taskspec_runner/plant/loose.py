@@ -57,7 +57,7 @@ def add_loose(spec: mujoco.MjSpec, name: str, shape: Shape) -> mujoco.MjsBody:
 
 
 def point_name(name: str, number: int) -> str:
-    """Of a contact sphere."""
+    """Name of a contact sphere."""
     return f"{PREFIX}{name}/point{number}"
 
 

@@ -1,4 +1,4 @@
-"""How the world's elements are named in MuJoCo's model, and small helpers for building it."""
+"""Names of the world's elements in MuJoCo's model, and small helpers for building it."""
 
 from __future__ import annotations
 

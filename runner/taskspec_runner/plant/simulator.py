@@ -1,4 +1,4 @@
-"""Where MuJoCo's functions and data are, for code that calls it by address."""
+"""Addresses of MuJoCo's functions and data, for code that calls it by address."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def address(name: str) -> int:
 
 @cache
 def data_layout() -> DataLayout:
-    """Where the clock and the constraint forces are in every `mjData` of this MuJoCo.
+    """Offsets of the clock and the constraint forces in every `mjData` of this MuJoCo.
 
     They are searched in data whose clock, and whose forces' address, are known.
 

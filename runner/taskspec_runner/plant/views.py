@@ -37,7 +37,7 @@ class PlantViews:
 
     @classmethod
     def new(cls, task: Task) -> PlantViews:
-        """Vectors of its own."""
+        """Views with arrays of their own."""
         return cls(*(np.zeros(length) for _, length in view_fields(task)))
 
 

@@ -112,7 +112,7 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class LeftTicks:
-    """What a killed process has left in its block.
+    """The ticks that a killed process has left in its block.
 
     Attributes:
         first: ticks that the log had when that was last noted.

@@ -79,7 +79,7 @@ class Evidence:
 
     @cached_property
     def task_damage(self) -> str:
-        """What is wrong with the task file; empty if nothing is."""
+        """The damage of the task file; empty if it has none."""
         content, wrong = self._read(TASK)
         unwritten = mapping(self.manifest.get("unwritten")).get("file")
         if content is None and (unwritten == TASK or not self._sum(TASK)):
@@ -142,7 +142,7 @@ class Evidence:
 
     @cached_property
     def log_damage(self) -> str:
-        """What is wrong with the log; empty if nothing is."""
+        """The damage of the log; empty if it has none."""
         if self.ended and self.log_is_whole:
             return ""
         try:
@@ -178,7 +178,7 @@ class Evidence:
         return self.left.damage if self.left is not None else ""
 
     def damage(self) -> str:
-        """What is not as the run wrote it, the first of it at the front; empty if all is."""
+        """The damage of the manifest, else of log, summary and task file; empty if none."""
         if wrong := self._manifest[1]:
             return wrong
         found = (self.log_damage, self._summary[1], self.task_damage)

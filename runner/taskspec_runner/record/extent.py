@@ -1,4 +1,4 @@
-"""How much of a run its log holds, and whether the run came to its end."""
+"""The part of a run that its log holds, and whether the run came to its end."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _WHY = {
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """What a log holds.
+    """The part of a run that a log holds.
 
     Attributes:
         status: of the run, as its manifest says; empty without one.

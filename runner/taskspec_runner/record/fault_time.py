@@ -23,7 +23,7 @@ class FaultTime:
     end: float | None
 
     def as_data(self) -> dict[str, object]:
-        """For a summary."""
+        """The entry of a summary."""
         return {"fault": self.text, "start": self.start, "end": self.end}
 
     @property

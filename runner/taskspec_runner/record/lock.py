@@ -40,7 +40,7 @@ class Holder:
 
     @property
     def text(self) -> str:
-        """In words."""
+        """The holder in words."""
         if not self.pid:
             return "another process"
         return f"process {self.pid} on {self.host} since {self.since}"

@@ -170,7 +170,7 @@ class GuardWalk:
         for number, branch in enumerate(stage.plan.spec.next[:-1] if is_good(event) else ()):
             assert branch.when is not None
             taken = holds & self._guard(stage, "'next'", branch.when, rows, t)
-            yield taken, replace(event, way=number)
+            yield taken, replace(event, branch=number)
         yield holds, event
 
     def _guard(

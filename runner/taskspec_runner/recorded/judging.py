@@ -104,7 +104,7 @@ def _outcome(program: Program, recording: ForeignLog, visits: Sequence[Visit]) -
     if recording.ended == FAIL:
         text = f"the guards of stage '{last}' lead to fail"
         return Outcome(FAILED, "guard", text, last, clock, ticks)
-    targets = spec.ways(following)
+    targets = spec.targets(following)
     if END not in (*targets, spec.on_fail):
         text = f"the log ends, and '{targets[-1]}' would follow"
         return Outcome(FAILED, "log_ends", text, last, clock, ticks)

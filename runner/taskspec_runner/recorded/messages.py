@@ -277,7 +277,7 @@ class _Topic:
 
     @property
     def fields(self) -> Iterator[str]:
-        """Of all its messages."""
+        """The fields of all its messages."""
         return iter(self._rows)
 
     def times(self, name: str) -> Vector:

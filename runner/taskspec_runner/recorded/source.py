@@ -221,7 +221,7 @@ class _Part(io.RawIOBase):
         file.seek(start)
 
     def readable(self) -> bool:
-        """Always."""
+        """True: a CSV file can always be read."""
         return True
 
     def readinto(self, into: Any) -> int:

@@ -1,4 +1,4 @@
-"""What an engineer would see in a run whatever its file expects: oscillations and saturation."""
+"""Faults of a run whatever its file expects: oscillations and saturation."""
 
 from __future__ import annotations
 

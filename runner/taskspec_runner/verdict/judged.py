@@ -25,7 +25,7 @@ class MeasuredValue:
 
 @dataclass(frozen=True, slots=True)
 class Margin:
-    """How far inside its bound a measured value is.
+    """The margin of a measured value inside its bound.
 
     Attributes:
         name: of the measured part, as written.
@@ -63,7 +63,7 @@ class Judged:
     Attributes:
         text: as written.
         passed: whether the run met it. A window without ticks, or a tick at which it cannot be
-            told, fails. None if it needs what was not recorded: neither met nor missed.
+            decided, fails. None if it needs what was not recorded: neither met nor missed.
         explanation: in one line, with the measured numbers.
         measured: those numbers.
         signals: the signals that it is about, with their stages.

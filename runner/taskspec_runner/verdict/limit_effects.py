@@ -1,4 +1,4 @@
-"""What limits took from each stage: how often each of them was active, and what it cost."""
+"""Effects of limits on each stage: how often each of them was active, and what it cost."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def limit_effects(history: History, stages: Sequence[CompiledStage]) -> dict[str
 
 
 def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
-    """What limits and contacts took from each stage, a line each; nothing where it is nothing."""
+    """Effects of limits and contacts on each stage, a line each; nothing without any."""
     yield from _unanswered(summary)
     for stage, found in summary.get("given_up", {}).items():
         if found["force_inconsistent"]:

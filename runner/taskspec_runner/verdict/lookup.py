@@ -50,7 +50,7 @@ class Lookup:
         self._scope = scope_of(task)
 
     def meaning(self, name: tree.Name) -> Meaning:
-        """What a checked name stands for."""
+        """The meaning of a checked name."""
         meaning = resolve(name.path, self._scope)
         assert meaning is not None, name
         return meaning
@@ -116,7 +116,7 @@ class Lookup:
         return any(True for _ in self.names(root))
 
     def compared(self, condition: tree.Node) -> tuple[tree.Node, ...]:
-        """What a condition compares, the measured part first; nothing of one that compares none."""
+        """The sides of a condition, the measured one first; empty if it compares nothing."""
         match condition:
             case tree.WithinNode():
                 return condition.x, condition.low, condition.high

@@ -1,4 +1,4 @@
-"""How far inside its bounds a condition stayed, and the tick at which it was broken."""
+"""The margin of a condition inside its bounds, and the tick at which it was broken."""
 
 from __future__ import annotations
 

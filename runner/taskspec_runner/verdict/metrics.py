@@ -1,4 +1,4 @@
-"""How well each stage was tracked, in numbers."""
+"""Tracking metrics of each stage."""
 
 from __future__ import annotations
 

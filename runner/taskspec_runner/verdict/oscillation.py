@@ -103,7 +103,7 @@ class Oscillation:
 
 
 class References:
-    """What makes the signals of a visit move by intention.
+    """Spectra of the references and declared motions of a visit.
 
     The spectra are the same for all signals of the visit: they are made once.
     """
@@ -143,7 +143,7 @@ def _amplitudes(references: Iterable[Vector]) -> list[Vector]:
 
 
 def judged(ticks: int) -> int:
-    """How many ticks of a visit are analysed; 0 of one that is too short."""
+    """Number of ticks of a visit that are analysed; 0 if it is too short."""
     half = ticks // 2
     return half if half >= LEAST_TICKS else 0
 
@@ -275,7 +275,7 @@ def _window(n: int) -> tuple[Vector, float]:
 
 
 def _amplitude_at_most(x: Vector) -> float:
-    """What the amplitude in a band of x (n,) cannot exceed, rounding granted."""
+    """Upper bound of the amplitude in a band of x (n,), rounding included."""
     w, square = _window(len(x))
     windowed = w * x
     return (1.0 + 1e-9) * float(np.sqrt(2.0 * (windowed @ windowed) / square))
@@ -296,7 +296,7 @@ def _band(power: Vector) -> Vector:
 
 
 def _neighbours(power: Vector) -> Vector:
-    """What a band about each bin would have if it were as its neighbours to either side."""
+    """The value of a band about each bin if it were as its neighbours to either side."""
     near, far = NEIGHBOURS
     kernel = np.ones(2 * far + 1)
     kernel[far - near + 1 : far + near] = 0.0

@@ -15,7 +15,7 @@ from taskspec_runner.verdict.run_finding import RunFinding
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """How a run came out.
+    """The verdict of a run.
 
     Attributes:
         kind: passed, missed, stopped, failed, unfinished or damaged; done where nothing was
@@ -35,7 +35,7 @@ class Verdict:
 
 
 class JudgedRun(Protocol):
-    """What a verdict follows from; see `taskspec_runner.runs.Run`."""
+    """The run that a verdict follows from; see `taskspec_runner.runs.Run`."""
 
     @property
     def extent(self) -> Extent: ...  # noqa: D102
@@ -98,7 +98,7 @@ def _unfinished(run: JudgedRun, status: str) -> str:
 
 
 def so_far(run: JudgedRun) -> str:
-    """How many expectations a run met that broke off; empty if it did not, or had none."""
+    """The count of met expectations of a run that broke off; empty otherwise."""
     status, total = run.summary.get("status"), len(run.expectations)
     met = sum(e.passed is True for e in run.expectations)
     if run.not_judged == "" and total:
@@ -124,7 +124,7 @@ def first_broken(run: JudgedRun) -> Judged | None:
 
 
 def _undecided(run: JudgedRun) -> str:
-    """What could not be judged, and of what was that it was met."""
+    """The sentence about expectations that could not be judged, and about the others."""
     open_ = [each for each in run.expectations if each.passed is None]
     lacking = ", ".join(dict.fromkeys(name for each in open_ for name in each.unrecorded))
     met = len(run.expectations) - len(open_)
@@ -174,7 +174,7 @@ def is_measured(run: JudgedRun) -> bool:
 
 
 def _missing(run: JudgedRun) -> str:
-    """Who missed something, as the beginning of a sentence."""
+    """The subject of the sentence that says what was missed."""
     if is_recorded(run):
         return "As measured, the log"
     end = "The run reached its end, but"

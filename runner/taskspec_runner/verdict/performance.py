@@ -1,4 +1,4 @@
-"""How well a run went, stage by stage, in numbers: what `summary.json` has beside its verdict."""
+"""Metrics of a run, stage by stage, that `summary.json` has beside its verdict."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from taskspec_runner.verdict.response import contact_losses, responses
 
 
 def solver_counts(machine: Machine) -> dict[str, SolverCounts]:
-    """What the solver did, for each stage that keeps its limits by a program."""
+    """Counts of the solver for each stage that keeps its limits by a program."""
     return {r.stage.name: r.solver.counts for r in machine.runners if r.solver is not None}
 
 

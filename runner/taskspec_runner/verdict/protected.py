@@ -1,4 +1,4 @@
-"""How near a run came to where the robot's own controller stops."""
+"""The distance of a run from the bounds of the robot's own controller."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def protected(program: Program, history: History, period: float) -> dict[str, An
 
 
 def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
-    """What came nearest, and torque rates that were exceeded; nothing without a protection."""
+    """The nearest bound, and exceeded torque rates; nothing without a protection."""
     found = summary.get("protection") or []
     if not found:
         return

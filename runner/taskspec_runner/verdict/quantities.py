@@ -28,7 +28,7 @@ def readable_unit(unit: str, usual: Sequence[str], bounds: Sequence[Series]) -> 
 
 
 def digits_of(value: float, bounds: Sequence[float], unit: str) -> int:
-    """How many digits separate a value from bounds that it is not equal to."""
+    """Number of digits that separate a value from bounds that it is not equal to."""
     for digits in (DIGITS, 6, 9):
         own = show(value, unit, digits)
         if not any(b != value and show(b, unit, digits) == own for b in bounds):

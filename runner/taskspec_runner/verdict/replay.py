@@ -33,7 +33,7 @@ Vector = NDArray[np.float64]
 
 
 class Replay:
-    """Where the tool was at every tick, and its signals resolved in any nominal frame.
+    """Tool poses of every tick, and signals resolved in any nominal frame.
 
     Forces, moments, velocities and errors belong to the control point of the stage that logged
     them; only their axes change, and a velocity becomes one against what carries the frame. A
@@ -76,7 +76,7 @@ class Replay:
         return np.asanyarray(found[:, 0 if axis is None else Axis(axis).row % found.shape[1]])
 
     def _kept(self, name: str, frame: FrameModel, make: Callable[[], Vector]) -> Vector:
-        """What is computed of a frame once."""
+        """Values of a frame that are computed once."""
         key = (name, frame.name)
         if key not in self._found:
             self._found[key] = make()
@@ -332,7 +332,7 @@ class Replay:
         return function(*arguments, *((faces.at(rows),) if faces.size else ()))
 
     def _faces(self, frame: FrameModel) -> _Faces:
-        """What a frame needs in addition to the tool: its part of a surface, or a measured pose."""
+        """Inputs of a frame in addition to the tool: its part of a surface, or a measured pose."""
         if frame.kind == "estimated":
             return self._measured_poses(frame)
         if frame.tracking is not None:
@@ -441,7 +441,7 @@ class _Faces:
 
 
 def _turns(steps: Vector) -> Vector:
-    """What has to be added to steps of an angle (k,) for none to be half a turn or more [rad]."""
+    """Full turns to add to steps of an angle (k,) so that none is half a turn or more [rad]."""
     nearest = np.mod(steps + np.pi, 2 * np.pi) - np.pi
     nearest[(nearest == -np.pi) & (steps > 0)] = np.pi
     return np.where(np.abs(steps) < np.pi, 0.0, nearest - steps)
@@ -485,7 +485,7 @@ def _placed(
 
 
 def _tracking(robot: RobotModel, frame: FrameModel, period: float) -> ca.Function:
-    """What a frame that tracks something memorises.
+    """The memory update of a tracking frame.
 
     (9,) before a tick, the force by the environment (3,) and the tip's twist (6,) in the frame's
     axes, the tip's axes (9,) by rows -> (9,) after it.

@@ -1,4 +1,4 @@
-"""How a signal came to its set point: overshoot, settling time, time constant; and lost contact."""
+"""Response of a signal to its set point: overshoot, settling, time constant; and lost contact."""
 
 from __future__ import annotations
 
@@ -230,7 +230,7 @@ def _later(one: Mapping[str, float | str | None], other: Mapping[str, float | st
 def contact_losses(
     history: History, stages: Sequence[str], period: float
 ) -> dict[str, dict[str, float]]:
-    """How often, and for how long, stages lost a contact that they had.
+    """Number and duration of the contact losses of stages.
 
     Args:
         history: the run.

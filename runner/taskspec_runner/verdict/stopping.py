@@ -1,4 +1,4 @@
-"""What a summary says of an arm that was brought to rest after its run."""
+"""Entry of a summary about an arm that was brought to rest after its run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run came to, as data: the same file and seed give the same bytes."""
+"""The summary of a run as data: the same file and seed give the same bytes."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def exit_code(
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """What a simulation came to.
+    """The result of a simulation.
 
     Attributes:
         outcome: how it ended.
@@ -186,7 +186,7 @@ def _visits(program: Program, simulated: Simulated) -> list[dict[str, Any]]:
 
 
 def transition_text(end: Transition, stage: CompiledStage, robot: RobotModel) -> str:
-    """What ended a stage, as a sentence with the numbers of the event."""
+    """The end of a stage, as a sentence with the numbers of the event."""
     if end.kind == events.LIMIT:
         return _limit(end, robot)
     if end.kind == events.FAIL_IF:

@@ -1,4 +1,4 @@
-"""How far the torque steps where one stage follows another."""
+"""Torque steps at changes of stage."""
 
 from __future__ import annotations
 

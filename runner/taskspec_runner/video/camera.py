@@ -43,7 +43,7 @@ class View:
     lookat: tuple[float, float, float]
 
     def camera(self) -> mujoco.MjvCamera:
-        """The same for MuJoCo."""
+        """The view as MuJoCo's camera."""
         camera = mujoco.MjvCamera()
         camera.azimuth, camera.elevation = self.azimuth, self.elevation
         camera.distance = self.distance
@@ -192,7 +192,7 @@ def _score(
     samples: Vector,
     angles: tuple[float, float],
 ) -> float:
-    """How well a view shows a run: the tip in sight, forces and path across, the arm apart."""
+    """Score of a view of a run: the tip in sight, forces and path across, the arm apart."""
     recording = world.recording
     axes = axes_of(*angles)
     eye = _VIEW_DISTANCE * axes[2]

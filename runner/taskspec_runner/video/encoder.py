@@ -98,7 +98,7 @@ class Encoder:
             self._process.stderr.close()
 
     def _failure(self) -> OSError:
-        """What ffmpeg said last."""
+        """The last message of ffmpeg."""
         self._process.wait()
         self._reader.join()
         said = f": {self._words[-1]}" if self._words else ""

@@ -23,7 +23,7 @@ _SUFFIXES = (".mp4", ".mkv", ".mov")
 
 @dataclass(frozen=True, slots=True)
 class Clip:
-    """What of a run is shown, and how.
+    """The part of a run that is shown, and how.
 
     Attributes:
         start, end: run time [s]; None for the whole.

@@ -1,4 +1,4 @@
-"""What is drawn into a scene beside the robot and its world: forces, frames, paths, equations."""
+"""Marks in a scene beside the robot and its world: forces, frames, paths, equations."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ COLORS = {"force": FORCE, "motion": MOTION, "free": FREE, "applied": APPLIED}
 
 
 def kind_of(stage: CompiledStage, axis: Axis) -> str:
-    """Who controls a translation in a stage: force, motion or free."""
+    """The control of a translation in a stage: force, motion or free."""
     plan = stage.plan.plans.get(axis)
     if plan is None:
         return "free"

@@ -1,4 +1,4 @@
-"""Which force a panel shows in each visit of a stage, and its reference."""
+"""The force that a panel shows in each visit of a stage, and its reference."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ _CONTACT_FORCE, _SHARE_OF_LARGEST = 0.5, 0.9
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Where everything of a run was, tick by tick; of a long run, at so many of its ticks.
+    """Positions of a run tick by tick; of a long run, at some of its ticks.
 
     Attributes:
         program: the task of the folder, compiled.
@@ -78,7 +78,7 @@ class Recording:
 
     @property
     def period(self) -> float:
-        """Of the control [s]."""
+        """Control period [s]."""
         return self.program.context.period
 
     @property

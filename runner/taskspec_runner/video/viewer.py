@@ -82,7 +82,7 @@ def _window(world: RecordedWorld) -> Iterator[Any]:
 
 
 class Show:
-    """What a window shows at a time.
+    """The state of a window at a time.
 
     Attributes:
         world: of the run.

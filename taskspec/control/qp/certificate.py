@@ -1,4 +1,4 @@
-"""Which rows of a set of inequalities contradict each other, and how."""
+"""Certificate of infeasibility: rows of inequalities that contradict each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a solver is given and what it gives back, and how good an answer is."""
+"""Problem and solution of a quadratic program, and the residual of a solution."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class Status(enum.Enum):
-    """How a solve ended. Only SOLVED has numbers that may be used."""
+    """Status of a solve. Only SOLVED has numbers that may be used."""
 
     SOLVED = "solved"
     INFEASIBLE = "infeasible"

@@ -49,11 +49,11 @@ class Arc(PathForm):
 
     @property
     def own(self) -> tuple[Axis, ...]:
-        """x and y."""
+        """x and y: the arc lies in that plane."""
         return Axis.X, Axis.Y
 
     def moves(self, axis: Axis) -> bool:  # noqa: ARG002
-        """Both."""
+        """True: an arc moves x and y."""
         return True
 
     def needs(self, axes: Sequence[Axis]) -> tuple[Axis, ...]:  # noqa: ARG002
@@ -72,7 +72,7 @@ class Arc(PathForm):
         segments: Mapping[Axis, ca.SX],  # noqa: ARG002
         axis: Axis,
     ) -> Number:
-        """On the circle."""
+        """x or y [m] of the circle at s."""
         angle = 2 * ca.pi * self.turns * s
         dx, dy = start[Axis.X] - self.center[0], start[Axis.Y] - self.center[1]
         if axis == Axis.X:
@@ -80,6 +80,6 @@ class Arc(PathForm):
         return self.center[1] + ca.sin(angle) * dx + ca.cos(angle) * dy
 
     def length(self, start: Mapping[Axis, Number], axes: Sequence[Axis]) -> Number:  # noqa: ARG002
-        """Radius times angle."""
+        """Radius times angle [m]."""
         dx, dy = start[Axis.X] - self.center[0], start[Axis.Y] - self.center[1]
         return norm([dx, dy]) * 2 * math.pi * abs(self.turns)

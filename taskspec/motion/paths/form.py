@@ -1,4 +1,4 @@
-"""What a path is: its keys in a file, its curve, its length, its timing, its words."""
+"""The form of a path: its keys in a file, its curve, its length, its timing, its words."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ class PathForm(ABC):
     # Words
 
     def of_axis(self, axis: Axis) -> str:  # noqa: ARG002
-        """What an axis does on it, for messages."""
+        """The motion of an axis on it, for messages."""
         return self.name
 
 

@@ -34,7 +34,7 @@ class Route:
 
     @property
     def length(self) -> float:
-        """Of all sections [m]."""
+        """Total length [m] of its sections."""
         return math.fsum(section.length for section in self.sections)
 
 
@@ -45,7 +45,7 @@ class LaidPath(PathForm):
     """
 
     def lay(self) -> Route:
-        """The path; made once."""
+        """Lays the path as sections and splines."""
         raise NotImplementedError
 
     @property
@@ -54,7 +54,7 @@ class LaidPath(PathForm):
         return _laid(self)
 
     def moves(self, axis: Axis) -> bool:
-        """Where its spline changes."""
+        """Whether the spline of the axis changes."""
         spline = self.route.splines[axis]
         first = spline.coefficients[0][0]
         return any(c0 != first for c0, *_ in spline.coefficients) or any(
@@ -72,24 +72,24 @@ class LaidPath(PathForm):
         segments: Mapping[Axis, ca.SX],
         axis: Axis,
     ) -> Number:
-        """On its splines."""
+        """The coordinate [m, rad] of the current cubic of its spline."""
         from taskspec.motion.polynomial import evaluate
 
         begins = start[axis] if self.relative else 0.0
         return begins + evaluate(segments[axis], s)
 
     def place(self, s: float, start: Mapping[Axis, float], axis: Axis) -> float:
-        """On its splines."""
+        """The coordinate [m, rad] at s of its spline."""
         begins = start[axis] if self.relative else 0.0
         return begins + self.route.splines[axis](s)
 
     @property
     def in_splines(self) -> bool:
-        """Known from the file."""
+        """True: its curve follows from the file alone."""
         return True
 
     def splines(self, axes: Sequence[Axis]) -> dict[Axis, PiecewiseCubic]:
-        """Those of the axes."""
+        """The laid splines of the driven axes."""
         return {a: p for a, p in self.route.splines.items() if a in axes}
 
     def length(self, start: Mapping[Axis, Number], axes: Sequence[Axis]) -> Any:  # noqa: ARG002

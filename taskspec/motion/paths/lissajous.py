@@ -65,7 +65,7 @@ class Lissajous(PathForm):
         return tuple(coordinates(self.amplitude))
 
     def moves(self, axis: Axis) -> bool:
-        """Where its amplitude is not 0."""
+        """Whether the amplitude of the axis is not 0."""
         return coordinates(self.amplitude)[axis] != 0.0
 
     def curve(
@@ -75,7 +75,7 @@ class Lissajous(PathForm):
         segments: Mapping[Axis, ca.SX],  # noqa: ARG002
         axis: Axis,
     ) -> Number:
-        """On its sine."""
+        """The coordinate [m]: the start plus the sine of the axis at s."""
         size, turns = coordinates(self.amplitude)[axis], coordinates(self.turns)[axis]
         return start[axis] + size * ca.sin(2 * ca.pi * turns * s)
 

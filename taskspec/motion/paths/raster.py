@@ -68,7 +68,7 @@ class Raster(LaidPath):
 
     @property
     def own(self) -> tuple[Axis, ...]:
-        """x and y."""
+        """x and y: the raster lies in that plane."""
         return Axis.X, Axis.Y
 
     @property
@@ -79,7 +79,7 @@ class Raster(LaidPath):
 
     @property
     def lines(self) -> int:
-        """How many there are."""
+        """Number of lines."""
         return math.ceil(abs(self._sides[1]) / self.pitch - 1e-9) + 1
 
     def unfit(self, axes: Sequence[Axis]) -> WrongPath | None:  # noqa: ARG002
@@ -115,7 +115,7 @@ class Raster(LaidPath):
         return Route({Axis.X: x, Axis.Y: y}, line.sections())
 
     def of_axis(self, axis: Axis) -> str:
-        """To and fro, or across."""
+        """The lines of the axis along them, else the width across them, for messages."""
         if axis == self.along:
             return f"raster of {self.lines} lines"
         return f"raster over {show(abs(self._sides[1]), LENGTH)}"

@@ -60,12 +60,12 @@ class Spiral(LaidPath):
 
     @property
     def own(self) -> tuple[Axis, ...]:
-        """x and y."""
+        """x and y: the spiral lies in that plane."""
         return Axis.X, Axis.Y
 
     @property
     def turns(self) -> float:
-        """How many there are."""
+        """Number of turns."""
         return self.radius / self.pitch
 
     def unfit(self, axes: Sequence[Axis]) -> WrongPath | None:  # noqa: ARG002
@@ -116,5 +116,5 @@ class Spiral(LaidPath):
         )
 
     def of_axis(self, axis: Axis) -> str:  # noqa: ARG002
-        """How far out."""
+        """The outer radius, for messages."""
         return f"spiral to {show(self.radius, LENGTH)}"

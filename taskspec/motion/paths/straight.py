@@ -65,16 +65,16 @@ class To(PathForm):
         segments: Mapping[Axis, ca.SX],  # noqa: ARG002
         axis: Axis,
     ) -> Number:
-        """On the straight line."""
+        """The coordinate [m, rad] of the straight line at s."""
         return start[axis] + s * (coordinates(self.to)[axis] - start[axis])
 
     def length(self, start: Mapping[Axis, Number], axes: Sequence[Axis]) -> Number:
-        """Of the straight line."""
+        """Length [m, rad] of the straight line."""
         target = coordinates(self.to)
         return length_of({a: target[a] - start[a] for a in axes})
 
     def of_axis(self, axis: Axis) -> str:
-        """Where to."""
+        """The target coordinate, for messages."""
         return f"to {show(coordinates(self.to)[axis], axis.of(LENGTH))}"
 
 
@@ -111,7 +111,7 @@ class Line(PathForm):
         return tuple(coordinates(self.by))
 
     def moves(self, axis: Axis) -> bool:
-        """Where its distance is not 0."""
+        """Whether the distance of the axis is not 0."""
         return coordinates(self.by)[axis] != 0.0
 
     def curve(
@@ -121,14 +121,14 @@ class Line(PathForm):
         segments: Mapping[Axis, ca.SX],  # noqa: ARG002
         axis: Axis,
     ) -> Number:
-        """On the straight line."""
+        """The coordinate [m, rad] of the straight line at s."""
         return start[axis] + s * coordinates(self.by)[axis]
 
     def length(self, start: Mapping[Axis, Number], axes: Sequence[Axis]) -> Number:  # noqa: ARG002
-        """Of the straight line."""
+        """Length [m, rad] of the straight line."""
         distances = coordinates(self.by)
         return length_of({a: distances[a] for a in axes})
 
     def of_axis(self, axis: Axis) -> str:
-        """How far."""
+        """The distance, for messages."""
         return f"line of {show(coordinates(self.by)[axis], axis.of(LENGTH))}"

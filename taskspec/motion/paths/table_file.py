@@ -50,7 +50,7 @@ class TableFile(PathForm):
 
     @property
     def points(self) -> Table:
-        """Its contents."""
+        """The rows of the file as points, read once."""
         assert self.table is not None
         return self.table
 
@@ -60,7 +60,7 @@ class TableFile(PathForm):
         return tuple(Axis(a) for a in self.points.points)
 
     def moves(self, axis: Axis) -> bool:
-        """Where its column changes."""
+        """Whether the column of the axis changes."""
         return bool(np.ptp(self.points.points[axis]) > 0)
 
     def needs(self, axes: Sequence[Axis]) -> tuple[Axis, ...]:  # noqa: ARG002
@@ -74,7 +74,7 @@ class TableFile(PathForm):
         segments: Mapping[Axis, ca.SX],
         axis: Axis,
     ) -> Number:
-        """On its spline."""
+        """The coordinate [m, rad] of the current cubic of its spline."""
         from taskspec.motion.polynomial import evaluate
 
         return evaluate(segments[axis], s)
@@ -89,7 +89,7 @@ class TableFile(PathForm):
 
     @property
     def in_splines(self) -> bool:
-        """Known from the file."""
+        """True: its curve follows from the file alone."""
         return True
 
     def splines(self, axes: Sequence[Axis]) -> dict[Axis, PiecewiseCubic]:
@@ -97,7 +97,7 @@ class TableFile(PathForm):
         return {Axis(a): p for a, p in self.points.splines().items() if Axis(a) in axes}
 
     def length(self, start: Mapping[Axis, Number], axes: Sequence[Axis]) -> Number:  # noqa: ARG002
-        """The length of the polygon."""
+        """Length [m, rad] of the polygon through its points."""
         return self.points.length
 
     def timing(

@@ -1,4 +1,4 @@
-"""Which generalised coordinates the constraints of a stage decide, (4.80), chosen as it runs.
+"""Choice of the generalised coordinates that constraints decide, (4.80), as a stage runs.
 
 Around a full circle no fixed choice survives: every coordinate's share of the gradient changes its
 sign once. So the choice is made again before it degrades. The acceleration that the old choice

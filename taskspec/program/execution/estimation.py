@@ -1,4 +1,4 @@
-"""What stages estimate by touch for those that follow: the sensor's zero, and frames."""
+"""Estimates by touch for later stages: the sensor's zero, and frames."""
 
 from __future__ import annotations
 

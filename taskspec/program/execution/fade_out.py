@@ -1,4 +1,4 @@
-"""What drives an arm while the program that keeps its limits has no answer."""
+"""Torques of an arm while the program that keeps its limits has no answer."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class FadeOut:
         return self._ticks > HELD_TICKS
 
     def reset(self) -> None:
-        """There is an answer again."""
+        """Forgets the fade-out: there is an answer again."""
         self._ticks = 0
 
     def step(self, applied: Vector, gravity: Vector) -> Vector:

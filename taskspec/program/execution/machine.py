@@ -141,12 +141,12 @@ class Machine:
 
     @property
     def solver(self) -> StageSolver | None:
-        """What keeps the limits of the current stage; None without a program."""
+        """The solver of the current stage; None without a program."""
         return self.runner.solver
 
     @property
     def visits(self) -> Mapping[str, int]:
-        """How often each stage has been entered."""
+        """Number of times that each stage has been entered."""
         return {each.stage.name: int(self.now[2 + i]) for i, each in enumerate(self.runners)}
 
     def start(self) -> None:
@@ -386,7 +386,7 @@ class Machine:
         self.runner.group()
 
     def not_finite(self) -> str:
-        """Which reference of the last tick is not a number; empty where none is to blame."""
+        """The name of a reference of the last tick that is not a number; empty if all are."""
         reference = not_finite(self.stage.plan.plans, self.named_outputs())
         if reference:
             return reference

@@ -1,4 +1,4 @@
-"""What a machine's stages would put out if they measured the arm as it truly is."""
+"""Outputs of a machine's stages for the true state of the arm."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ _GRAVITY = list(GRAVITY)
 
 
 class SensorZero:
-    """What the controller takes off the readings of a sensor that is carried by the tool.
+    """The correction of the readings of a sensor that the tool carries.
 
     At the wrist hangs the tool: its weight, as the file has the tool, is subtracted in the
     orientation of now. What is left is contact, the tool's inertia, and the sensor's bias, until a
@@ -78,7 +78,7 @@ class SensorZero:
 
 
 def sensor_zero(task: Task, sensor: Sensor, robot: RobotModel) -> SensorZero | None:
-    """What corrects the readings of an arm's sensor.
+    """The correction of the readings of an arm's sensor.
 
     Args:
         task: for what varies, for faults, and for stages that tare.

@@ -47,7 +47,7 @@ def no_own_solver(problem: QuadraticProgram) -> None:
 
 @dataclass(slots=True)
 class SolverCounts:
-    """What the solver did in a run.
+    """Counts of the solver in a run.
 
     Attributes:
         solved: ticks with a program to solve.
@@ -268,7 +268,7 @@ class StageSolver:
 
 @dataclass(frozen=True, slots=True)
 class ReturnedForces:
-    """What a stage requests of its contacts, and what they cannot return of it.
+    """The forces that a stage requests of its contacts, and the part that they cannot return.
 
     Attributes:
         forces: (r,) as the robot would apply them, by name.
@@ -314,7 +314,7 @@ class NearestForces:
         )
 
     def find(self) -> Vector | None:
-        """What is left of the requests (r,); None where there is no answer."""
+        """The part of the requests (r,) that is not returned; None without an answer."""
         self.look.evaluate()
         if self.own is None or not self.own.solve():
             solution = self._solver.solve(self._problem)

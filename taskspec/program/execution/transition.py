@@ -1,4 +1,4 @@
-"""How a stage ended, and where that led."""
+"""The end of a stage, and where it led."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Transition:
 
 @dataclass(frozen=True, slots=True)
 class Exit:
-    """Where an event of a stage leads.
+    """The target of an event of a stage.
 
     Attributes:
         event: that happens.
@@ -64,7 +64,7 @@ class Exit:
 
 
 def exits(stages: Sequence[CompiledStage]) -> tuple[tuple[Exit, ...], ...]:
-    """Where each event of each stage leads, in the order of their numbers."""
+    """The targets of the events of each stage, in the order of their numbers."""
     names = [stage.name for stage in stages]
 
     def leads(stage: CompiledStage, event: Event, following: str) -> Exit:
@@ -90,7 +90,7 @@ def leads_to(stage: Stage, event: Event, following: str) -> str:
     if event.is_limit:
         return event.then
     if is_good(event):
-        return stage.ways(following)[event.way]
+        return stage.targets(following)[event.branch]
     return stage.on_fail or FAIL
 
 

@@ -49,7 +49,7 @@ Source = tuple[str, int]
 
 @dataclass(frozen=True, slots=True)
 class TorqueRange:
-    """What no tick leaves, whether or not a program has an answer: torques and their rate.
+    """Bounds of every tick, with or without an answer of a program: torques and their rate.
 
     Attributes:
         most: (n,) greatest size of each joint's torque [N m].

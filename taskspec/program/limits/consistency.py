@@ -250,7 +250,7 @@ def equation_generator(contact: ContactRow, effect: ca.SX) -> Generator:
 
 
 def grip_generators(resolve: ca.SX, J: ca.SX) -> list[Generator]:
-    """What a grip returns: any force and moment at the control point, `J` (6, n) there."""
+    """Generators of a grip: any force and moment at the control point, `J` (6, n) there."""
     kinds = ("free",) * 3 + ("moment",) * 3
     return [
         Generator(resolve[:, i], J[i, :].T, 0.0, kind, "the grip") for i, kind in enumerate(kinds)

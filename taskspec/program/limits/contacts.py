@@ -157,7 +157,7 @@ def _center(context: Context) -> ca.SX | None:
 
 
 def shared_force(normals: Sequence[ca.SX], force: ca.SX) -> ca.SX:
-    """What the robot applies along each inward normal (c,), of the measured force (3,)."""
+    """Force that the robot applies along each inward normal (c,), of the measured force (3,)."""
     if not normals:
         return ca.SX(0, 1)
     N = ca.horzcat(*normals).T

@@ -1,4 +1,4 @@
-"""What a stage under `solve: qp` may not do: limits as rows of one quadratic program.
+"""Limits of a stage under `solve: qp`, as rows of one quadratic program.
 
 The torque of the law's closed form is u*. The program solves for the torque u = u* + L x with the
 least x^T P x, where H = L L^T. With P = 1 this is Gauss's principle of least constraint: the joint
@@ -49,7 +49,7 @@ _NOTHING = 1e-300
 
 @dataclass(frozen=True, slots=True)
 class Pieces:
-    """What a tick has worked out anyway and the matrices of its program are made of.
+    """Intermediate results of a tick that the matrices of its program are made of.
 
     Attributes:
         L: (n, n) Cholesky factor of H.
@@ -115,7 +115,7 @@ class LimitRows:
 
     @property
     def violation(self) -> ca.SX:
-        """How far u* is beyond its limits: not above 0 where it keeps all of them.
+        """The violation of limits by u*: not above 0 where it keeps all of them.
 
         NaN where a number is not finite, which the larger of two numbers would hide.
         """

@@ -1,4 +1,4 @@
-"""What a stage pushes with on its contacts, and how much it may.
+"""Forces with which a stage pushes on its contacts, and their bounds.
 
 Pushes out of their bounds are clamped along the normals alone, before anything else is limited.
 """
@@ -68,7 +68,7 @@ class Contacts:
         return found
 
     def multipliers(self, acceleration: ca.SX) -> ca.SX:
-        """What a rigid contact would return (c,), (4.77), as the robot applies it."""
+        """The forces of rigid contacts (c,), (4.77), as the robot applies them."""
         return self.measured + self.inertia @ (self.J @ acceleration + self.drift)
 
 
@@ -90,7 +90,7 @@ def _apart(directions: ca.SX, active: Sequence[ca.SX]) -> list[ca.SX]:
 
 @dataclass(frozen=True, slots=True)
 class Pushes:
-    """What a law pushes with on each contact, and how much it may.
+    """Forces with which a law pushes on each contact, and their bounds.
 
     Attributes:
         contacts: all of them.
@@ -113,7 +113,7 @@ class Pushes:
 
 
 def wanted_pushes(context: Context, limits: Limits, on: Contacts, acceleration: ca.SX) -> Pushes:
-    """What the acceleration (n,) that a law commands pushes with, and the bounds of that."""
+    """The forces on contacts of a law's acceleration (n,), and their bounds."""
     cap = None if limits.force is None else FORCE_SHARE * limits.force
     lower, upper = {}, {}
     for i, contact in enumerate(on.contacts):

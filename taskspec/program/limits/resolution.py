@@ -23,7 +23,7 @@ LOOK_OUTPUTS = ("P", "g", "A", "lower", "upper", "effect", "values")
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """How a stage's torque follows from what its law commands, where limits are active.
+    """Resolution of a stage's torque from its law's command under limits.
 
     Attributes:
         solver: `daqp` or `osqp`.
@@ -74,13 +74,13 @@ class Resolved:
 
     @property
     def handed_over(self) -> ca.SX:
-        """What the tick hands over to its program: pieces, lower, upper, and the cut of pushes."""
+        """The inputs of the tick's program: pieces, lower, upper, and the cut of pushes."""
         limits = self.limits
         return ca.densify(ca.vertcat(limits.pieces.flat(), limits.lower, limits.upper, limits.cut))
 
     @property
     def residuals(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """How far the torque is beyond its limits, the clamped pushes, and `unsettled`."""
+        """The violation of limits by the torque, the clamped pushes, and `unsettled`."""
         return self.limits.violation, self.limits.clamped, self.unsettled
 
     @property
@@ -128,7 +128,7 @@ def _flat(name: str, arguments: Sequence[ca.SX], parts: Sequence[ca.SX]) -> ca.F
 
 @cache
 def _accept(n: int, m: int, r: int) -> ca.Function:
-    """What an answer x with its multipliers y means, and how far it is from optimal.
+    """The torque of an answer x with its multipliers y, and its residuals.
 
     The residual is the largest of stationarity |P x + A'y| over max(1, |P x|), of violation
     |A x beyond its bounds| over max(1, |A x|), and of complementarity |y (A x - bound)| over
@@ -174,7 +174,7 @@ def _accept(n: int, m: int, r: int) -> ca.Function:
 
 @cache
 def _left(g: int, r: int) -> ca.Function:
-    """What contacts cannot return of r requests with the forces of g generators."""
+    """The part of r requests that contacts with g generators cannot return."""
     effect, values, x = ca.SX.sym("effect", g, r), ca.SX.sym("values", r), ca.SX.sym("x", g)
     left = values - effect.T @ x
     rounding = ca.norm_2(left) <= _ROUNDING * (1 + ca.norm_2(values))

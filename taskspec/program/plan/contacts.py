@@ -100,7 +100,7 @@ class StageContacts:
             return self.approached
         near = [self._met[a] for a in self.by_axis if a in self._met]
         if near:
-            return min(near, key=lambda met: met.way).contact
+            return min(near, key=lambda met: met.travel).contact
         return next((c for c in self.by_axis.values() if c is not None), None)
 
     @cached_property
@@ -202,7 +202,7 @@ class StageContacts:
         way = self._kinematics.frame_at_tool[:, axis.column]
         for signs in directions(entry, self._known):
             met = [self._context.obstacles.first(p, R, sign * way) for sign in signs]
-            nearest = min((m for m in met if m is not None), key=lambda m: m.way, default=None)
+            nearest = min((m for m in met if m is not None), key=lambda m: m.travel, default=None)
             if nearest is not None:
                 return nearest
         return None

@@ -1,1 +1,1 @@
-"""What the axes of a stage are to follow, and where the tool is on them."""
+"""References of the axes of a stage, and the coordinates of the tool on them."""

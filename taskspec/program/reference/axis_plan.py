@@ -1,4 +1,4 @@
-"""Who controls each axis of a stage: the file's axes, completed with holds, paths and forces."""
+"""The control of each axis of a stage: the file's axes, completed with holds, paths and forces."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def uncontrolled(axes: tuple[Axis, ...]) -> dict[Axis, AxisPlan]:
 
 
 def _mode_of(name: Axis, axis: AxisEntry, path: PathShape | None, *, open_loop: bool) -> AxisMode:
-    """What decides the motion reference of an axis."""
+    """The mode of an axis."""
     if open_loop:
         return OpenLoop(name.is_rotation)
     if path is not None and name in path.axes:
@@ -110,7 +110,7 @@ def _mode_of(name: Axis, axis: AxisEntry, path: PathShape | None, *, open_loop: 
 
 
 def not_finite(plans: Mapping[Axis, AxisPlan], outputs: Mapping[str, NDArray[np.float64]]) -> str:
-    """Which reference is not a number, as `force.z`; empty where all are.
+    """The name of a reference that is not a number, as `force.z`; empty where all are.
 
     Args:
         plans: of the axes.

@@ -37,7 +37,7 @@ class AxisReference:
 
 
 def blendings(names: Sequence[Axis], clock: Clock, parameters: Slots) -> dict[Axis, Blending]:
-    """What a stage start adds to the references of the named axes, which all blend alike."""
+    """The blending of the references of the named axes after a stage start."""
     offset, slope, time, pressed = (
         ca.vertcat(ca.SX(0, 1), *(parameters.add(f"{slot}.{name}") for name in names))
         for slot in ("offset", "slope", "blend", "pressed")

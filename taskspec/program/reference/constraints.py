@@ -66,7 +66,7 @@ def equation_rows(
 
 
 def reactions(rows: Mapping[str, EquationRow], wrench: ca.SX, sensed: ca.SX) -> dict[str, ca.SX]:
-    """What the robot applies along each equation's unit gradient, as measured [N, N m].
+    """The force of the robot along each equation's unit gradient, as measured [N, N m].
 
     On the tip it is the part of the measured force that the normals span, on joints what is sensed
     there.
@@ -162,7 +162,7 @@ class ConstraintSet:
 
     @property
     def conditioning(self) -> ca.SX:
-        """What the minor is of the one that the best exchange of one coordinate would give.
+        """The minor, relative to the one after the best exchange of one coordinate.
 
         1 where no exchange makes it larger, 0 where it is singular.
         """

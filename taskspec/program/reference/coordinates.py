@@ -1,4 +1,4 @@
-"""Where the tool is in its frame's coordinates.
+"""The tool in its frame's coordinates.
 
 Kinds of frames count translations differently (docs/language.md):
 

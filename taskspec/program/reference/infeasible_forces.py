@@ -1,4 +1,4 @@
-"""What of a stage's force set points the last tick found out of reach, as this tick takes it in."""
+"""The part of force set points that the last tick found infeasible, as inputs of this one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _FORCE_ROUNDING = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class InfeasibleForces:
-    """What the last tick found, as parameters of this one, by axis or equation.
+    """Infeasible forces of the last tick, as parameters of this one, by axis or equation.
 
     Attributes:
         unreachable: of a force set point, as the robot would apply it [N, N m].
@@ -34,14 +34,14 @@ class InfeasibleForces:
         return force - self.unreachable[name] if name in self.unreachable else force
 
     def step(self, name: str, step: ca.SX) -> ca.SX:
-        """What a force integral grows by: nothing towards a force that limits are keeping away."""
+        """The growth of a force integral: 0 towards a force that limits keep away."""
         if name not in self.cut:
             return step
         held_back = step * self.cut[name] < -_FORCE_ROUNDING * ca.fabs(step)
         return ca.if_else(held_back, 0, step)
 
     def size(self) -> ca.SX:
-        """How much cannot be returned [N]; moments count by the arm's length."""
+        """The size of the infeasible part [N]; moments count by the arm's length."""
         parts = [x / ARM_LENGTH if is_moment(name) else x for name, x in self.unreachable.items()]
         return ca.norm_2(ca.vertcat(0, *parts))
 

@@ -1,4 +1,4 @@
-"""What a stage measures: its inputs, the tool in its frame, and the signals that follow."""
+"""Measurements of a stage: its inputs, the tool in its frame, and the signals that follow."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a stage's law measures orientation in Euler angles: its rows, its limit, its carrying."""
+"""Orientation in Euler angles, for a law that uses them: its rows, its limit, its carrying."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def representation_of(law: Law) -> Representation | None:
 def restate(
     law: Law, state: TaskState, references: ReferenceSet, R: ca.SX, table: SignalTable
 ) -> tuple[TaskState, ReferenceSet, list[Condition]]:
-    """What the law sees, in its own angles, and the limit that comes with them.
+    """The state of the law in its own angles, and the limit that comes with them.
 
     `error.rx`, `error.ry` and `error.rz` become what the law controls: phi_d - phi.
 

@@ -1,4 +1,4 @@
-"""How fast the time of a path goes that signals slow, as far as the file determines it.
+"""The rate of the path's time where signals slow it, as far as the file determines it.
 
 The rate u of the path's time is that of `slowed_path`: the speed that the signals command, as a
 share of the greatest that the path is planned for.
@@ -23,7 +23,7 @@ _SETTLED_TIME = 60.0
 
 
 def speeds(context: Context, stage: Stage, speed: Expression) -> Interval:
-    """What an expression can be, as far as its signals' nature and the stage's limits bound it."""
+    """The range of an expression by its signals' nature and the stage's limits."""
     task = context.loaded.task
     limits = task.limits_of(stage).stopping()
 
@@ -41,7 +41,7 @@ def speeds(context: Context, stage: Stage, speed: Expression) -> Interval:
 
 
 def least_share(context: Context, stage: Stage, path: PathShape | None) -> float:
-    """What the rate of the path's time never falls below: 1 for a path that nothing slows."""
+    """The lower bound of the rate of the path's time: 1 for a path that nothing slows."""
     if path is None or path.slowed is None:
         return 1.0
     assert path.speed is not None
@@ -70,7 +70,7 @@ def nominal_share(
 
 
 def _nominal_forces(stage: Stage, known: KnownValues) -> Mapping[str, float]:
-    """What the stage's set points make of signals."""
+    """Nominal signals at the stage's set points."""
     found = {"t": _SETTLED_TIME, "clock": _SETTLED_TIME}
     for axis, entry in stage.axes.items():
         force = entry.set_point

@@ -1,4 +1,4 @@
-"""Where a mechanism is nominally: what follows from the tool that holds it."""
+"""The nominal coordinate of a mechanism, from the pose of the tool that holds it."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def tracked_mechanism(
 def mechanism_state(
     tracked: TrackedMechanism | None, held: str, terms: TermSymbols, wrench: ca.SX
 ) -> dict[str, ObjectState]:
-    """What is known of the mechanism that the robot holds, by its name; no other one is known.
+    """The state of the mechanism that the robot holds, by its name; no other one is known.
 
     Args:
         tracked: what the stage keeps track of.

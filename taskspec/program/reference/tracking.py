@@ -197,7 +197,7 @@ def _carried(
 
 
 def _step(on: Coordinates, axis: Axis, motions: Mapping[Axis, AxisReference]) -> ca.SX:
-    """How far the reference of an axis has moved since the last tick."""
+    """The displacement of the reference of an axis since the last tick."""
     if axis not in motions or (axis == "z" and on.frame.kind == "following"):
         return ca.SX(0)
     return motions[axis].value - on.marks[f"last.{axis}"]

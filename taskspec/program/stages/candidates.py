@@ -14,7 +14,7 @@ WORN = 1.5
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """How the coordinates that the constraints decide are chosen.
+    """Choice of the coordinates that the constraints decide.
 
     Attributes:
         look: the tick's inputs -> J_phi on the candidates (m, c), weighted by how readily each

@@ -18,7 +18,7 @@ from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.references import build_references
 from taskspec.program.stages import carried_torque
-from taskspec.program.stages.free_ways import free_ways
+from taskspec.program.stages.free_directions import free_directions
 from taskspec.program.stages.multipliers import EquationForces, constrain, equation_forces
 from taskspec.program.stages.null_space import null_space_acceleration
 
@@ -95,7 +95,7 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         normal=tuple(a for a in state.axes if plans[a].yields),
         posture=posture,
         constraints=control,
-        ways=free_ways(plan, measurement) if plan.consistent else None,
+        free=free_directions(plan, measurement) if plan.consistent else None,
         joints=joints,
     )
     wanted, terms = law.control_law.command(case), measurement.terms

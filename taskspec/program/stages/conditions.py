@@ -68,7 +68,7 @@ def limit_conditions(
             found.append(Condition(event, beyond, value))
     found += _joint_limits(robot, q, v)
     if plan.joint_path is not None:
-        return found  # Neither a singularity nor a frame is in the way of joints.
+        return found  # Neither a singularity nor a frame stops joints.
     pivot = ca.mmin(ca.diag(linear.cholesky(measurement.state.mobility))) ** 2
     text = "the arm is singular: an axis of the task frame cannot be moved"
     found.append(Condition(Event(events.LIMIT, "singularity", text), pivot < SINGULAR, pivot))
@@ -135,9 +135,11 @@ def stage_conditions(plan: StagePlan, measurement: Measurement, period: float) -
             text = f"within {show(time, TIME)}"
             found.append(Condition(Event(events.WITHIN, "time", text), t >= time - period / 2, t))
         if travel is not None:
-            way = measurement.table["travel"]
+            travelled = measurement.table["travel"]
             text = f"within {show(travel, LENGTH)} of travel"
-            found.append(Condition(Event(events.WITHIN, "travel", text), way > travel, way))
+            found.append(
+                Condition(Event(events.WITHIN, "travel", text), travelled > travel, travelled)
+            )
     if stage.until is None:
         end = measurement.parameters.add("end")
         text = "its moves, path and time are done"
@@ -154,7 +156,7 @@ def _by_way(stage: Stage, end: Condition, measurement: Measurement) -> Iterator[
     for number, branch in enumerate(stage.next[:-1]):
         assert branch.when is not None
         text = f"{end.event.text}; {branch.when}"
-        event = replace(end.event, text=text, way=number)
+        event = replace(end.event, text=text, branch=number)
         holds = ca.logic_and(end.holds, measurement.translate(branch.when))
         yield Condition(event, holds, end.value)
     yield end

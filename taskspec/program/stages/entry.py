@@ -29,7 +29,7 @@ _FIELDS = slices(PROBE)
 
 @dataclass(frozen=True, slots=True)
 class StageEntry:
-    """How a stage is entered.
+    """The entry of a stage.
 
     Attributes:
         function: the tick's inputs before memory and parameters, the numbers of `HANDED`, the poses
@@ -68,7 +68,7 @@ class _Continuation:
 
 
 class Entering:
-    """How a stage is entered from the reference that is handed over.
+    """The entry of a stage from the reference that is handed over.
 
     Holds the expressions of the entry while they are found, one after the other.
 
@@ -200,7 +200,7 @@ class Entering:
         return poses
 
     def _place(self, poses: Mapping[str, ca.SX]) -> None:
-        """Where the stage begins, and what of its frame is chosen there."""
+        """The place where the stage begins, and the choices of its frame there."""
         frame, p, R = self.plan.frame, self.inputs.terms.p, self.inputs.terms.R
         self._write("entry", p)
         if "angle" in self.memory:

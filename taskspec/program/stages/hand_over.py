@@ -1,4 +1,4 @@
-"""What a stage hands on: the one reference pose, and what it pressed with."""
+"""The hand-over of a stage: the reference pose, and the forces."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from taskspec.program.plan import StagePlan
 from taskspec.program.ports import HANDED, fields, slices
 from taskspec.program.reference.orientation import displaced
 
-#: Outputs that a stage is left by, besides those that are handed on as they are.
+#: Outputs that a stage is left by, in addition to those that are handed on as they are.
 _LEFT = (
     *("tip", "tip_rotation", "offset", "frame", "error"),
     *("velocity", "velocity_ref", "force", "force_ref"),
@@ -19,7 +19,7 @@ SIZE = sum(length for _, length in HANDED)
 
 
 def leaving(plan: StagePlan) -> ca.Function:
-    """What a stage hands on: its outputs, the run time [s] -> the numbers of `HANDED`.
+    """The hand-over of a stage: its outputs, the run time [s] -> the numbers of `HANDED`.
 
     Axes with a force set point hand on where they were measured. Whether the next stage keeps track
     of the same mechanism is left to whoever knows it.

@@ -1,4 +1,4 @@
-"""What a stage's functions put out: the tick's outputs, and what a stage start needs."""
+"""Outputs of a stage's functions: the tick's outputs, and what a stage start needs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from taskspec.program.world.moving_base import BaseMotion
 
 
 def probe(arguments: list[ca.SX], measurement: Measurement, commanded: Commanded) -> ca.Function:
-    """Where the tool is in the stage's frame; its last input is the tool point's velocity (3,).
+    """The tool in the stage's frame; its last input is the tool point's velocity (3,).
 
     That is its velocity against what carries the frame. All are in world axes but `here`, which is
     in the coordinates of the frame's moving base.

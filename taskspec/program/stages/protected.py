@@ -1,4 +1,4 @@
-"""What a run watches of `robot.protection`: speeds, and the wrench of the contact."""
+"""Bounds of `robot.protection` that a run watches: speeds, and the wrench of the contact."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _WATCHED = {
 
 
 def protection_conditions(plan: StagePlan, measurement: Measurement) -> Iterator[Condition]:
-    """What ends a run where a robot's own controller would: nothing without a protection.
+    """Conditions that end a run where a robot's own controller would; none without a protection.
 
     Speeds are those of the joints' and the tip's measured velocities against the world, forces
     those of the measured contact wrench at the tip.
@@ -73,7 +73,7 @@ def _joints(
 
 
 def dimension_watched(text: str, *, turns: bool) -> Dimension:
-    """What the value of an event of a protection measures.
+    """The dimension of the value of an event of a protection.
 
     Args:
         text: of the event.

@@ -74,7 +74,7 @@ class CompiledStage:
 
     @property
     def name(self) -> str:
-        """As in the file."""
+        """The name of the stage in the file."""
         return self.plan.name
 
     @property

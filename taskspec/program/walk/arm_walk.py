@@ -75,7 +75,7 @@ class ArmWalk:
         self.known, self.coordinate = True, 0.0
 
     def stage(self, stage: StagePlan, p: Vector, R: Vector, lasts: float | None) -> Passage | None:
-        """What the arm goes through in the stage that comes next; None where that is unknown.
+        """The predicted motion of the arm in the next stage; None where that is unknown.
 
         Args:
             stage: the stage.
@@ -113,17 +113,17 @@ class ArmWalk:
             0.0, p, R, tool_motion.frame, begun.q, np.zeros(len(begun.q)), none,
             _coordinate_of(tool_motion), math.inf, dict.fromkeys(AXES, 0.0),
         )  # fmt: skip
-        way = [first]
+        instants = [first]
         guard = None
         if stage.spec.until is not None and lasts is None:
             guard = _Guard(stage, motion, start, first)
-        if not motion.ways and guard is None:
+        if not motion.displacements and guard is None:
             return Passage((first,), End.DONE)
         horizon = _horizon(stage, motion, lasts)
-        return self._go(stage, tool_motion, arm, motion, guard, horizon, way)
+        return self._go(stage, tool_motion, arm, motion, guard, horizon, instants)
 
     def _tool_motion(self, stage: StagePlan, p: Vector, R: Vector) -> ToolMotion | None:
-        """What carries the tool; None where that is unknown."""
+        """The motion that carries the tool; None where that is unknown."""
         if self._context.loaded.task.robot.grasp is not None:
             if not self._context.held or _driven_by_force(stage):
                 return None
@@ -141,66 +141,70 @@ class ArmWalk:
         motion: ReferenceMotion,
         guard: _Guard | None,
         horizon: float,
-        way: list[Instant],
+        instants: list[Instant],
     ) -> Passage:
         """Goes until something ends the stage."""
         fine, moves, marks, fastest = _times(motion, horizon)
         if guard is not None:
-            held = guard.at(way[0], tool_motion)
+            held = guard.at(instants[0], tool_motion)
             if not held.never:
-                return _ended(way, tool_motion, End.DONE if held.always else End.OPEN)
+                return _ended(instants, tool_motion, End.DONE if held.always else End.OPEN)
         for before, mark, fast in zip(marks[:-1], marks[1:], fastest, strict=True):
             # A mechanism is followed more finely: it may turn away from what moves it.
             points = range(before + 1, mark + 1) if self._context.held else (mark,)
-            last, time = way[-1], 0.0
+            last, time = instants[-1], 0.0
             moved = last.moved
             for i in points:
                 time = float(fine[i])
                 moved = moves[i]
                 if not all(map(math.isfinite, moved.values())):
-                    return _ended(way, tool_motion, End.OPEN)
+                    return _ended(instants, tool_motion, End.OPEN)
                 tool_motion.advance(time, moved)
                 if _strained(tool_motion):
                     break
             if tool_motion.left:
-                return _ended(way, tool_motion, End.EDGE, edge=tool_motion.left)
+                return _ended(instants, tool_motion, End.EDGE, edge=tool_motion.left)
             lasts = time - last.time
             taken = arm.take(last.q, tool_motion.p, tool_motion.R, tool_motion.frame, lasts)
             if taken.missed is not None:
-                return _ended(way, tool_motion, End.REACH, missed=taken.missed)
-            way.append(_instant(time, last, tool_motion, taken, moved, fast))
-            found = self._end(stage, tool_motion, guard, way)
+                return _ended(instants, tool_motion, End.REACH, missed=taken.missed)
+            instants.append(_instant(time, last, tool_motion, taken, moved, fast))
+            found = self._end(stage, tool_motion, guard, instants)
             if found is not None:
                 return found
         if guard is None:
-            return _ended(way, tool_motion, End.DONE)
+            return _ended(instants, tool_motion, End.DONE)
         bounded = math.isfinite(stage.longest)
-        return _ended(way, tool_motion, End.BOUND if bounded else End.OPEN)
+        return _ended(instants, tool_motion, End.BOUND if bounded else End.OPEN)
 
     def _end(
-        self, stage: StagePlan, tool_motion: ToolMotion, guard: _Guard | None, way: list[Instant]
+        self,
+        stage: StagePlan,
+        tool_motion: ToolMotion,
+        guard: _Guard | None,
+        instants: list[Instant],
     ) -> Passage | None:
-        """What ends the stage between its last two instants; None where it goes on."""
-        robot, last, here = self._context.robot, way[-2], way[-1]
+        """The end of the stage between its last two instants; None where it goes on."""
+        robot, last, here = self._context.robot, instants[-2], instants[-1]
         if ((here.q > robot.upper) | (here.q < robot.lower)).any():
             joint, share = _crossed(robot, last.q, here.q)
-            way[-1] = mixed(last, here, share)
-            return _ended(way, tool_motion, End.JOINT, joint=joint)
+            instants[-1] = mixed(last, here, share)
+            return _ended(instants, tool_motion, End.JOINT, joint=joint)
         if _strained(tool_motion):
-            return _ended(way, tool_motion, End.STRAIN)
+            return _ended(instants, tool_motion, End.STRAIN)
         if guard is not None:
             holds = guard.at(here, tool_motion)
             if holds.always:
-                way[-1] = guard.between(last, here)
-                return _ended(way, tool_motion, End.DONE)
+                instants[-1] = guard.between(last, here)
+                return _ended(instants, tool_motion, End.DONE)
             if not holds.never:
                 stops = isinstance(tool_motion, WithMechanism) and tool_motion.stopped is not None
-                return _ended(way, tool_motion, End.STOP if stops else End.OPEN)
-        passed = _travelled(stage, way)
+                return _ended(instants, tool_motion, End.STOP if stops else End.OPEN)
+        passed = _travelled(stage, instants)
         if passed is None:
             return None
-        way[-1] = mixed(last, here, passed)
-        return _ended(way, tool_motion, End.BOUND)
+        instants[-1] = mixed(last, here, passed)
+        return _ended(instants, tool_motion, End.BOUND)
 
 
 def _strained(tool_motion: ToolMotion) -> bool:
@@ -208,7 +212,7 @@ def _strained(tool_motion: ToolMotion) -> bool:
 
 
 def _ended(
-    way: list[Instant],
+    instants: list[Instant],
     tool_motion: ToolMotion,
     end: End,
     *,
@@ -219,7 +223,7 @@ def _ended(
     strain, stopped, drive = None, None, None
     if isinstance(tool_motion, WithMechanism):
         strain, stopped, drive = tool_motion.strain, tool_motion.stopped, tool_motion.drive
-    return Passage(tuple(way), end, joint, missed, strain, stopped, edge, drive)
+    return Passage(tuple(instants), end, joint, missed, strain, stopped, edge, drive)
 
 
 def _driven_by_force(stage: StagePlan) -> bool:
@@ -251,11 +255,14 @@ def _times(
     """
     fine = np.linspace(0.0, horizon, _FINE)
     still = dict.fromkeys(AXES, 0.0)
-    moves = [still | {a: float(way(t)) for a, way in motion.ways.items()} for t in fine.tolist()]
-    if not motion.ways:
+    moves = [
+        still | {a: float(moved(t)) for a, moved in motion.displacements.items()}
+        for t in fine.tolist()
+    ]
+    if not motion.displacements:
         return fine, moves, [0, _FINE - 1], [1.0]
-    lengths = np.array([ARM_LENGTH if a.is_rotation else 1.0 for a in motion.ways])
-    at = lengths * np.array([[moved[a] for a in motion.ways] for moved in moves])
+    lengths = np.array([ARM_LENGTH if a.is_rotation else 1.0 for a in motion.displacements])
+    at = lengths * np.array([[moved[a] for a in motion.displacements] for moved in moves])
     at = np.where(np.isfinite(at), at, 0.0)
     steps = np.linalg.norm(np.diff(at, axis=0), axis=1)
     gone = np.concatenate([[0.0], np.cumsum(steps)])
@@ -303,11 +310,11 @@ def _crossed(robot: RobotModel, before: Vector, q: Vector) -> tuple[int, float]:
     return joint, min(float(share[joint]), 1.0)
 
 
-def _travelled(stage: StagePlan, way: list[Instant]) -> float | None:
+def _travelled(stage: StagePlan, instants: list[Instant]) -> float | None:
     """The share of the last piece at which `within.travel` is passed; None where it is not."""
     within = stage.spec.within
     most = None if within is None else within.travel
-    before, here = (float(np.linalg.norm(i.p - way[0].p)) for i in way[-2:])
+    before, here = (float(np.linalg.norm(i.p - instants[0].p)) for i in instants[-2:])
     if most is None or here <= most:
         return None
     return (most - before) / (here - before)
@@ -374,13 +381,13 @@ class _Guard:
         return found
 
     def _held_place(self, here: Instant) -> dict[str, Interval]:
-        """Where the mechanism has taken the tool, in a frame that stands still."""
+        """The displacement of the tool by the mechanism, in a frame that stands still."""
         frame, turned = self._stage.frame, pin.log3(here.R @ self._first.R.T)
         # A rotation vector ends at half a turn.
         if not frame.still or frame.at_origin or np.linalg.norm(turned) > _HALF_TURN:
             return {}
-        way = here.frame.T @ (here.p - self._first.p)
-        found = {f"position.{a}": point(self._start[a] + float(way[a.row])) for a in AXES[:3]}
+        moved = here.frame.T @ (here.p - self._first.p)
+        found = {f"position.{a}": point(self._start[a] + float(moved[a.row])) for a in AXES[:3]}
         turns = here.frame.T @ turned
         return found | {f"position.{a}": point(float(turns[a.row - 3])) for a in AXES[3:]}
 
@@ -389,7 +396,7 @@ class _Guard:
         return self._context.mechanisms[self._context.held]
 
     def _effort(self, here: Instant, tool_motion: ToolMotion) -> dict[str, Interval]:
-        """What the held mechanism bears before it comes to its stop."""
+        """The load of the held mechanism before it comes to its stop."""
         if not isinstance(tool_motion, WithMechanism) or tool_motion.stopped is not None:
             return {}
         declared = self._context.loaded.task.mechanisms[self._context.held]

@@ -21,7 +21,7 @@ def moving_axes(stage: Stage) -> dict[Axis, AxisMode]:
 def course_of(
     stage: StagePlan, start: Mapping[Axis, float], rates: Mapping[Axis, float]
 ) -> Course | None:
-    """How a stage moves; None where that is not planned, or nothing says how long it lasts.
+    """The motion of a stage; None where it is not planned, or its duration is unknown.
 
     Args:
         stage: the stage.
@@ -31,7 +31,7 @@ def course_of(
     if not all(mode.leads for mode in moving_axes(stage.spec).values()):
         return None
     motion = reference_motion(stage, start, rates)
-    if motion is None or motion.lasts is None or not motion.ways:
+    if motion is None or motion.lasts is None or not motion.displacements:
         return None
     bends = stage.path is not None or any(e.mode.bends for e in stage.spec.axes.values())
-    return Course(motion.lasts, motion.ways, bends)
+    return Course(motion.lasts, motion.displacements, bends)

@@ -26,8 +26,8 @@ def rates_at_end(stage: StagePlan, course: Course | None) -> dict[Axis, float]:
     """
     free = [a for a, plan in stage.plans.items() if plan.motion and not plan.axis.has_force]
     if stage.spec.until is None and course is not None:
-        ways, end = course.ways, course.duration
-        rates = {a: rate_until(ways[a], end) for a in free if a in ways}
+        displacements, end = course.displacements, course.duration
+        rates = {a: rate_until(displacements[a], end) for a in free if a in displacements}
     else:
         known = {a: stage.plans[a].mode.constant_rate(stage.known) for a in free}
         rates = {a: rate for a, rate in known.items() if rate is not None}

@@ -1,4 +1,4 @@
-"""How far behind its reference a law takes the mechanism that the robot holds.
+"""The lag of a held mechanism behind its reference under a law.
 
 Arm and mechanism move together along the twists T s that the mechanism leaves free, one for its
 coordinate and one for a free knob:
@@ -73,16 +73,16 @@ def held_drive(stage: StagePlan) -> HeldDrive | None:
     if declared is None or declared.detent is not None or stage.law.control_law.bare:
         return None
     motion = reference_motion(stage, start_coordinates(stage, context.start_p, context.start_R), {})
-    if motion is None or not motion.ways:
+    if motion is None or not motion.displacements:
         return None
-    loop = _loop(stage, declared.coordinate_inertia, declared.damping, list(motion.ways))
+    loop = _loop(stage, declared.coordinate_inertia, declared.damping, list(motion.displacements))
     if loop is None:
         return None
     horizon = min(stage.longest, _HORIZON)
     times = np.linspace(0.0, horizon, _STEPS + 1)
     x = np.zeros((6, len(times)))
-    for axis, way in motion.ways.items():
-        x[axis.row] = [way(t) for t in times.tolist()]
+    for axis, displacement in motion.displacements.items():
+        x[axis.row] = [displacement(t) for t in times.tolist()]
     if not np.isfinite(x).all():
         return None
     step = times[1]
@@ -177,16 +177,16 @@ def _form(stage: StagePlan, T: Vector, inside: Vector, moved: list[Axis]) -> _Lo
     K_P = gains["K_P"] if "K_P" in gains else gains["stiffness"] / mass
     K_D = gains["K_D"] if "K_D" in gains else gains["damping"] / mass
     rows = [a.row for a in stage.axes if not (stage.plans[a].force or stage.plans[a].soft)]
-    way, size = T[rows, 0], np.array([1.0] * 3 + [ARM_LENGTH] * 3)[rows]
+    direction, size = T[rows, 0], np.array([1.0] * 3 + [ARM_LENGTH] * 3)[rows]
     i = rows.index(axis.row)
-    if not way[i] or not inside[axis.row, 0]:
+    if not direction[i] or not inside[axis.row, 0]:
         return None
-    inverse = size[i] ** 2 * way[i] / float(np.sum((size * way) ** 2))
-    if inverse * way[i] < _ALONE:
+    inverse = size[i] ** 2 * direction[i] / float(np.sum((size * direction) ** 2))
+    if inverse * direction[i] < _ALONE:
         return None  # What the references of its other axes do decides with it.
     L = float(T[:, 0] @ stage.kinematics.task_inertia @ T[:, 0])
-    held = (np.arange(len(rows)) == i) - way * inverse
-    works = float(way @ np.linalg.solve(stage.kinematics.mobility[np.ix_(rows, rows)], held))
+    held = (np.arange(len(rows)) == i) - direction * inverse
+    works = float(direction @ np.linalg.solve(stage.kinematics.mobility[np.ix_(rows, rows)], held))
     one = np.zeros((1, 6))
     one[0, axis.row] = 1.0
     pull = (L * inverse + works) * K_P * one, L * inverse * K_D * one, L * inverse * one

@@ -75,7 +75,7 @@ def coordinate_rate(stage: StagePlan) -> float | None:
 
 
 def held_motion(stage: StagePlan) -> HeldMotion | None:
-    """What a stage's constant rates make of the held mechanism; None where none of them moves."""
+    """The motion of the held mechanism by a stage's constant rates; None without any."""
     if not stage.context.held:
         return None
     rates = {a: rate for a in stage.axes if (rate := _rate(stage, a)) is not None}

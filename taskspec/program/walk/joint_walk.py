@@ -49,8 +49,8 @@ def joint_states(path: JointPath, start: Vector) -> list[JointState]:
         x = time - float(timing.knots[i])
         s = c0 + x * (c1 + x * (c2 + x * c3))
         rate, grows = c1 + x * (2 * c2 + x * 3 * c3), 2 * c2 + 6 * x * c3
-        way = path.piece(start, s)
-        found.append(JointState(time, path.at(start, s), rate * way, grows * way))
+        piece = path.piece(start, s)
+        found.append(JointState(time, path.at(start, s), rate * piece, grows * piece))
     return found
 
 
@@ -69,7 +69,7 @@ def tip_at(robot: RobotModel, q: Vector) -> tuple[Vector, Vector]:
 
 
 def joint_passage(stage: StagePlan, start: Vector) -> Passage:
-    """What the arm goes through on the path of joints of a stage.
+    """The predicted motion of the arm on the path of joints of a stage.
 
     Args:
         stage: the stage.
@@ -80,13 +80,13 @@ def joint_passage(stage: StagePlan, start: Vector) -> Passage:
     data, still = robot.pin.createData(), dict.fromkeys(AXES, 0.0)
     tip, frame = robot.pin.getFrameId("tip"), stage.kinematics.frame_at_tool
     inside = np.kron(np.eye(2), frame.T)
-    way: list[Instant] = []
+    instants: list[Instant] = []
     for state in joint_states(path, start):
         pin.computeJointJacobians(robot.pin, data, state.q)
         at = data.oMi[robot.tip_joint] * robot.tip
         J = pin.getFrameJacobian(robot.pin, data, tip, pin.LOCAL_WORLD_ALIGNED)
         # Singular or not, the joints go on.
-        way.append(
+        instants.append(
             Instant(
                 state.time, at.translation, at.rotation, frame, state.q, state.v,
                 inside @ J @ state.v, None, np.inf, still,
@@ -94,5 +94,5 @@ def joint_passage(stage: StagePlan, start: Vector) -> Passage:
         )  # fmt: skip
         outside = np.maximum(state.q - robot.upper, robot.lower - state.q)
         if outside.max() > 0:
-            return Passage(tuple(way), End.JOINT, joint=int(np.argmax(outside)))
-    return Passage(tuple(way), End.DONE)
+            return Passage(tuple(instants), End.JOINT, joint=int(np.argmax(outside)))
+    return Passage(tuple(instants), End.DONE)

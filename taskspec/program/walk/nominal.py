@@ -1,4 +1,4 @@
-"""Where the tool is expected to be in each stage, as far as the text of a task determines it."""
+"""Expected places of the tool in each stage, as far as the text of a task determines them."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class NominalWalk:
     """
 
     def __init__(self, context: Context) -> None:
-        """Starts where the run does."""
+        """Starts at the start pose of the run."""
         self._context = context
         self._solver = InverseKinematics(context.robot)
         self._arm = ArmWalk(context)
@@ -123,7 +123,7 @@ class NominalWalk:
         return Nominal(rotation, gap, start, None, None, (begins,), passage=passage, about=about)
 
     def _passage(self, stage: StagePlan, rotation: Vector) -> Passage | None:
-        """What the arm goes through in a stage."""
+        """The predicted motion of the arm in a stage."""
         arm = self._arm
         p, R = (self._p, self._R) if self._known and not self._held else (arm.p, arm.R)
         to_contact = self._until_contact(stage, rotation)
@@ -135,14 +135,14 @@ class NominalWalk:
         return arm.stage(stage, p, R, lasts)
 
     def _remarkable(self, stage: StagePlan, passage: Passage) -> Iterator[Place]:
-        """Where joints or tip are fastest, if beyond a limit, and the arm nearest to singular."""
-        robot, on_way = self._context.robot, passage.instants[1:]
-        if not on_way:
+        """The first instants of joints or tip beyond a limit, and of an arm near a singularity."""
+        robot, on_path = self._context.robot, passage.instants[1:]
+        if not on_path:
             return
         speed = math.inf if stage.limits.speed is None else stage.limits.speed
-        fast = next((i for i in on_way if np.any(np.abs(i.v) > robot.velocity_limit)), None)
-        swift = next((i for i in on_way if np.linalg.norm(i.twist[:3]) > speed), None)
-        stiff = next((i for i in on_way if i.pivot < NEAR_SINGULAR), None)
+        fast = next((i for i in on_path if np.any(np.abs(i.v) > robot.velocity_limit)), None)
+        swift = next((i for i in on_path if np.linalg.norm(i.twist[:3]) > speed), None)
+        stiff = next((i for i in on_path if i.pivot < NEAR_SINGULAR), None)
         instants = {i.time: i for i in (fast, swift, stiff) if i is not None}
         for _, i in sorted(instants.items()):
             rates = {a: float(i.twist[a.row]) for a in stage.axes}
@@ -236,8 +236,8 @@ class NominalWalk:
         context = self._context
         if stage.contacts.normal(contact) is not context.start_normals[contact]:
             return context.obstacles.gap(contact, self._p, self._R)
-        way = float(context.start_normals[contact] @ (self._p - context.start_p))
-        return context.start_gaps[contact] + way
+        moved = float(context.start_normals[contact] @ (self._p - context.start_p))
+        return context.start_gaps[contact] + moved
 
     def _along(
         self, course: Course, stage: StagePlan, rotation: Vector, rates: Mapping[Axis, float]
@@ -302,7 +302,7 @@ class NominalWalk:
         following = list(self._context.loaded.task.stages)
         after = following[following.index(stage.name) + 1 :][:1]
         again = [[stage.name]] if self._returns(stage) else []
-        return any([way.to] not in (after, *again) for way in stage.spec.next)
+        return any([branch.to] not in (after, *again) for branch in stage.spec.next)
 
     def _returns(self, stage: StagePlan) -> bool:
         """Whether a stage ends at the same place wherever it begins."""

@@ -1,4 +1,4 @@
-"""How the references of a stage move against time, as far as the text determines it."""
+"""Motion of the references of a stage against time, as far as the text determines it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.modes import AxisMode, StageStart, Way
+from taskspec.modes import AxisMode, Displacement, StageStart
 from taskspec.motion import blend
 from taskspec.motion.path import PathShape
 from taskspec.program.plan import StagePlan
@@ -23,15 +23,15 @@ Coordinates = Callable[[float], dict[Axis, float]]
 
 @dataclass(frozen=True, slots=True)
 class ReferenceMotion:
-    """How the references of a stage move.
+    """Motion of the references of a stage.
 
     Attributes:
-        ways: displacement of each axis that is to move against time [m, rad].
+        displacements: displacement of each axis that is to move against time [m, rad].
         lasts: until moves, path and time are done [s]; None where none of them ends.
         path_lasts: until the path is done [s]; None without one.
     """
 
-    ways: Mapping[Axis, Way]
+    displacements: Mapping[Axis, Displacement]
     lasts: float | None
     path_lasts: float | None
 
@@ -48,7 +48,7 @@ def reference_motion(
         start: coordinates of the control point in its frame as it starts [m, rad].
         rates: of the reference that is handed over [m/s, rad/s]; none for rest.
     """
-    own: dict[Axis, tuple[AxisMode, Way]] = {}
+    own: dict[Axis, tuple[AxisMode, Displacement]] = {}
     ends = [] if stage.spec.time is None else [stage.spec.time]
     path_lasts = None
     if stage.path is not None:
@@ -63,10 +63,10 @@ def reference_motion(
         if not mode.moves or not mode.leads:
             continue
         track = mode.track(0.0, rates.get(axis, 0.0))
-        way = mode.way(stage.known, start[axis]) if track is None else track
-        if way is None or not math.isfinite(way(0.0)):
+        displacement = mode.displacement(stage.known, start[axis]) if track is None else track
+        if displacement is None or not math.isfinite(displacement(0.0)):
             return None
-        own[axis] = mode, way
+        own[axis] = mode, displacement
         if track is not None:
             ends.append(float(track.rests))
     begun = _begun(stage, own, start, rates)
@@ -93,15 +93,15 @@ def start_coordinates(stage: StagePlan, p: Vector, R: Vector) -> dict[Axis, floa
 
 def _begun(
     stage: StagePlan,
-    own: Mapping[Axis, tuple[AxisMode, Way]],
+    own: Mapping[Axis, tuple[AxisMode, Displacement]],
     start: Mapping[Axis, float],
     rates: Mapping[Axis, float],
-) -> dict[Axis, Way]:
+) -> dict[Axis, Displacement]:
     """Displacements of references that continue the one handed over, as the modes hand it over."""
     handed = {}
-    for axis, (mode, way) in own.items():
-        begins = way(0.0)
-        moves = 0.0 if axis in stage.from_rest else rate_from(way, 0.0)
+    for axis, (mode, displacement) in own.items():
+        begins = displacement(0.0)
+        moves = 0.0 if axis in stage.from_rest else rate_from(displacement, 0.0)
         handed[axis] = mode.hand_over(
             StageStart(
                 axis=axis,
@@ -115,22 +115,22 @@ def _begun(
         )
     wait = max((each.wait for each in handed.values()), default=0.0)
 
-    def begun(axis: Axis) -> Way:
-        way, each = own[axis][1], handed[axis]
+    def begun(axis: Axis) -> Displacement:
+        displacement, each = own[axis][1], handed[axis]
         if axis in stage.from_rest:
-            return lambda t: way(blend.from_rest(t - wait)) + each.added(t)
-        return lambda t: way(t) + each.added(t)
+            return lambda t: displacement(blend.from_rest(t - wait)) + each.added(t)
+        return lambda t: displacement(t) + each.added(t)
 
     return {axis: _since(begun(axis)) for axis in own}
 
 
-def _since(way: Way) -> Way:
+def _since(displacement: Displacement) -> Displacement:
     """The displacement from its first value."""
-    begins = way(0.0)
-    return lambda t: way(t) - begins
+    begins = displacement(0.0)
+    return lambda t: displacement(t) - begins
 
 
-def _on_path(coordinates: Coordinates, axis: Axis, duration: float, start: float) -> Way:
+def _on_path(coordinates: Coordinates, axis: Axis, duration: float, start: float) -> Displacement:
     return lambda time: coordinates(min(time, duration))[axis] - start
 
 

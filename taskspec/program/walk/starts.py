@@ -1,4 +1,4 @@
-"""Where an arm has room to start that its file leaves free: the yaw of the tool, and the elbow.
+"""Start postures with room to the limits, where the file leaves yaw or elbow free.
 
 The start nearest home is kept unless a joint comes within `_LIMIT_MARGIN` of a limit along the
 stages, or the arm close to singular. Then the solution whose joints keep farthest from their limits
@@ -128,7 +128,7 @@ def _bent(context: Context) -> Iterator[Vector]:
     solver = InverseKinematics(robot)
     turns = any(a.is_rotation for a in robot.axes)
     target = Target(context.start_p, context.start_R if turns else None)
-    for way in _ELBOWS:
-        q, missing = solver.descend(context.start + way * null, target)
+    for shift in _ELBOWS:
+        q, missing = solver.descend(context.start + shift * null, target)
         if missing <= SOLVED:
             yield q

@@ -1,4 +1,4 @@
-"""How the references of a stage carry the tool: along a frame, over a surface, with a mechanism.
+"""Motion of the tool by the references of a stage: along a frame, over a surface, with a mechanism.
 
 Each takes the tool from one pose to the next as the references move on, `advance`, and knows the
 axes of the frame there. Where it cannot take it any farther, `left` names what ended.
@@ -38,7 +38,7 @@ _STEADY = 0.02
 
 
 class ToolMotion(Protocol):
-    """What the references of a stage take the tool along.
+    """The surface or frame along which references carry the tool.
 
     Attributes:
         p, R: (3,), (3, 3) pose of the tip, world axes.
@@ -87,13 +87,13 @@ class Straight:
 
     def _settle(self, contact: str, axis: Axis, sign: float) -> None:
         """Stay on what the stage presses on, whose normal is not the same everywhere."""
-        way = sign * self.frame[:, axis.column]
+        direction = sign * self.frame[:, axis.column]
         obstacles = self._stage.context.obstacles
-        met = obstacles.first(self.p - _BACK * way, self.R, way)
-        if met is None or met.way > _BACK + _LOST:
+        met = obstacles.first(self.p - _BACK * direction, self.R, direction)
+        if met is None or met.travel > _BACK + _LOST:
             self.left = contact
         else:
-            self.p = self.p + (met.way - _BACK) * way
+            self.p = self.p + (met.travel - _BACK) * direction
 
 
 def _lever(stage: StagePlan, p: Vector, R: Vector) -> Vector:
@@ -150,7 +150,7 @@ class OnSurface:
         return axes.reshape(3, 3).T.copy(), foot.copy(), float(margin[0])
 
     def advance(self, time: float, moved: Mapping[Axis, float]) -> None:  # noqa: ARG002
-        """Along the surface."""
+        """Moves the tool on along the surface."""
         at = np.array([moved[a] for a in AXES])
         d, self._moved = at - self._moved, at
         height = self._height + moved[Axis.Z]
@@ -242,7 +242,7 @@ class WithMechanism:
 
     @property
     def borne(self) -> dict[Axis, float]:
-        """What the robot applies on axes that the mechanism takes off their references [N, N m]."""
+        """The force of the robot on axes that the mechanism takes off their references [N, N m]."""
         return {a: k * self._missing[a] for a, k in self._stiffness.items()}
 
     def _carry(self, s: Vector) -> None:
@@ -260,7 +260,7 @@ class WithMechanism:
             self.R = pin.exp3(float(s[1]) * axis) @ self.R
 
     def _look(self, here: _Point, driver: Axis | None) -> None:
-        """What the mechanism bears here, and whether it is at its stop."""
+        """The load of the mechanism here, and whether it is at its stop."""
         last = self._points[-1]
         span = here.time - last.time
         if self._beyond:
@@ -300,7 +300,7 @@ class WithMechanism:
         return max(found, key=_weight, default=None)
 
     def _driven(self, here: _Point, driver: Axis | None) -> Strain | None:
-        """What the axis that drives the mechanism needs for its inertia, damping and friction.
+        """The force that drives the mechanism against its inertia, damping and friction.
 
         By virtual work f x' = (I s'' + d s' + friction) s': without a lever it is any force.
         """
@@ -328,7 +328,7 @@ def _weight(strain: Strain) -> float:
 
 
 def _stiffness(stage: StagePlan, axis: Axis) -> float:
-    """What a motion axis presses with against the grip [N/m, N m/rad]; 0 where it yields."""
+    """The stiffness of a motion axis against the grip [N/m, N m/rad]; 0 where it yields."""
     plan = stage.plans[axis]
     # A force that displaces a spring leaves the spring where it is: it holds on.
     if not plan.motion or plan.force or plan.mode.name == "follows":

@@ -131,7 +131,7 @@ def reaction(
     stiffness: float | ca.SX,
     damping: float | ca.SX,
 ) -> ca.SX:
-    """What the robot applies to a compliant constraint along the unit gradient [N, N m].
+    """The force of the robot on a compliant constraint along the unit gradient [N, N m].
 
     k distance + b d(distance)/dt; under `<=` and `>=` it never pulls, and is zero where the
     relation holds.
@@ -170,7 +170,7 @@ class StartEquation:
     gradient: NDArray[np.float64] | None
     bend: NDArray[np.float64] | None = None
 
-    def gradients_within(self, way: float) -> NDArray[np.float64]:
+    def gradients_within(self, distance: float) -> NDArray[np.float64]:
         """(3, k) unit gradients at the tip of a curved equation within a distance [m].
 
         Those of a surface of the same curvature: along each tangent t the gradient turns by
@@ -183,9 +183,9 @@ class StartEquation:
         for phi in np.linspace(0.0, np.pi, _TANGENTS, endpoint=False):
             turns = self.bend @ (np.cos(phi) * tangents[0] + np.sin(phi) * tangents[1])
             rate = float(np.linalg.norm(turns))
-            if rate * way < _FLAT:
+            if rate * distance < _FLAT:
                 continue
-            most = min(np.pi / 2, rate * way)
+            most = min(np.pi / 2, rate * distance)
             angles = np.linspace(-most, most, _ANGLES)[:, None]
             found.extend(np.cos(angles) * self.gradient + np.sin(angles) * turns / rate)
         return np.array(found).T

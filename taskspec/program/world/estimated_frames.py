@@ -140,7 +140,7 @@ def with_nominal(
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What became of an estimated frame: its pose (12,), or why there is none."""
+    """The result of an estimated frame: its pose (12,), or why there is none."""
 
     pose: Vector
     problem: str = ""

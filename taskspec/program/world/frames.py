@@ -23,7 +23,7 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class DirectionTracking:
-    """How a frame follows the measured force, or the motion.
+    """The tracking of the measured force, or of the motion, by a frame.
 
     Attributes:
         of: `force`, against which its z is kept, or `velocity`, along which its x is.

@@ -1,4 +1,4 @@
-"""What the robot holds: where it takes hold at the start, and what is wrong with that."""
+"""The mechanism that the robot holds: the grip at the start, and errors of it."""
 
 from __future__ import annotations
 

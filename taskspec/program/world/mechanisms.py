@@ -51,7 +51,7 @@ class MechanismModel:
 
     @property
     def radius(self) -> float:
-        """Of the handle's circle [m]."""
+        """Radius of the handle's circle [m]."""
         return float(np.hypot(self.handle[0], self.handle[1]))
 
     @property

@@ -129,7 +129,7 @@ def moving_bases(task: Task) -> dict[str, MovingBase]:
 
 
 def displacements(task: Task, shape: Shape, clock: ca.SX) -> dict[Axis, ca.SX]:
-    """How far a shape has moved at a time [s]: along its moving axes [m], or about one [rad]."""
+    """The displacement of a shape at a time [s]: along its moving axes [m], or about one [rad]."""
     assert shape.motion is not None
     params = {name: quantity.value for name, quantity in task.params.items()}
     known = {**constants(params), "clock": clock}

@@ -1,4 +1,4 @@
-"""What a tool really weighs: its own mass, and what it carries without the controller's knowing."""
+"""The true mass of a tool: its own, and a payload unknown to the controller."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from taskspec.spec import Robot
 
 
 def modelled_inertia(robot: RobotModel) -> pin.Inertia:
-    """What the model of an arm has in the body of its tip, tip frame."""
+    """The modelled inertia of the tip's body, tip frame."""
     body = robot.tool_body
     axes = pin.Quaternion(*(float(x) for x in body.axes)).matrix()
     moments = axes @ np.diag(body.moments) @ axes.T
@@ -19,7 +19,7 @@ def modelled_inertia(robot: RobotModel) -> pin.Inertia:
 
 
 def true_inertia(robot: RobotModel, declared: Robot) -> pin.Inertia:
-    """What is really there, tip frame.
+    """The true inertia of the tip's body, tip frame.
 
     Args:
         robot: the models that the controller has.

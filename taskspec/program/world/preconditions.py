@@ -1,4 +1,4 @@
-"""What of a task's frames, equations and motions keeps it from being prepared at all."""
+"""Errors of a task's frames, equations and motions that keep it from being prepared."""
 
 from __future__ import annotations
 

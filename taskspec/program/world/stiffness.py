@@ -69,7 +69,7 @@ class GripCompliance:
 
     @property
     def lever(self) -> float:
-        """Where a force strains it as much as its moment does [m]."""
+        """The lever at which a force strains it as much as its moment does [m]."""
         return math.sqrt(self.angular_stiffness / self.stiffness)
 
 
@@ -106,7 +106,7 @@ def equation_compliance(
     declared: EquationObject,
     plant_period: float,
 ) -> Compliance:
-    """What an equation's declaration means along its unit gradient.
+    """The compliance of an equation along its unit gradient.
 
     Args:
         model: the equation.

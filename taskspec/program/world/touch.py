@@ -1,4 +1,4 @@
-"""Where a flat tool touches a shape with its whole surface: depth, normal, point, their rates.
+"""Contact of a flat tool with a shape by its whole surface: depth, normal, point, their rates.
 
 One resultant contact a patch, as the plant has it: with the depth D of the tool in the shape the
 contact's energy is k D^2/2. D comes from support functions (`taskspec.shapes.overlap`); with l from
@@ -34,7 +34,7 @@ FLAT, _NEAREST = float(np.sin(np.deg2rad(1.0))), float(np.sqrt(0.5))
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """How a tool meets a shape, world axes.
+    """The contact of a tool with a shape, world axes.
 
     Attributes:
         depth: [m], negative where it is off.

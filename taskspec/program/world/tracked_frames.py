@@ -95,12 +95,12 @@ def step(frame: FrameModel, state: ca.SX, now: ca.SX, period: float) -> ca.SX:
 
 
 def _share(cutoff: float, period: float) -> float:
-    """What the filter takes of a new value in a tick of `period` [s]: 1 - exp(-2 pi f_c T)."""
+    """The weight of a new value in the filter for a tick of `period` [s]: 1 - exp(-2 pi f_c T)."""
     return -math.expm1(-2 * math.pi * cutoff * period)
 
 
 def passes(cutoff: float, period: float) -> float:
-    """What the filter leaves of the fastest change that samples show, one from tick to tick.
+    """The gain of the filter at the fastest change, one from tick to tick.
 
     With z = -1 in s/(z - 1 + s), s = 1 - exp(-2 pi f_c T), that is s/(2 - s) = tanh(pi f_c T). Of a
     filter that is to have a cutoff it is less than 1/sqrt(2): f_c T < 0.281, see `fastest_filter`.
@@ -135,7 +135,7 @@ def lag(rate: float, cutoff: float) -> float:
 
 
 def sliding_lag(rate: float, cutoff: float, friction: float) -> float | None:
-    """How far a frame is behind, on a tool that slides along its x [rad].
+    """The lag of a frame on a tool that slides along its x [rad].
 
     A tracked velocity is along the surface with friction or without: its lag is that of a force
     without friction.

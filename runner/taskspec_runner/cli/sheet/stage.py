@@ -215,7 +215,7 @@ def _ends(program: Program, stage: CompiledStage) -> Iterator[tuple[str, str]]:
     """What ends the stage and where it leads, in the order in which a tick decides."""
     spec, names = stage.plan.spec, [s.name for s in program.stages]
     number = names.index(stage.name)
-    ways = spec.ways(names[number + 1] if number + 1 < len(names) else "end")
+    ways = spec.targets(names[number + 1] if number + 1 < len(names) else "end")
     failed = spec.on_fail or "fail"
     own = [
         e.text.removeprefix(_LIMIT) + (f" -> {e.then}" if e.then else "")
@@ -226,7 +226,7 @@ def _ends(program: Program, stage: CompiledStage) -> Iterator[tuple[str, str]]:
         yield "limits", ", ".join(own)
     targets = {"fail_if": failed, "within": failed}
     for event in stage.events:
-        to = ways[event.way] if is_good(event) else targets.get(event.kind)
+        to = ways[event.branch] if is_good(event) else targets.get(event.kind)
         if to is not None:
             yield f"{event.kind} -> {to}", event.text.removeprefix("within ")
     if spec.repeat > 1:

@@ -25,7 +25,7 @@ from taskspec_runner.record.folder import clear
 
 @dataclass(frozen=True)
 class Manner:
-    """How files are run.
+    """Options with which files are run.
 
     Attributes:
         folders: of the run of each file.

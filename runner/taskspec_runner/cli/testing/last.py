@@ -1,4 +1,4 @@
-"""What came of task files the last time that they were tested, kept beside their runs."""
+"""Outcomes of the last test of task files, kept beside their runs."""
 
 from __future__ import annotations
 

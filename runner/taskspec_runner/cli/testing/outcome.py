@@ -1,4 +1,4 @@
-"""What came of a task file that was run as a test: a case for the run, one for each expectation."""
+"""Outcome of a task file that was run as a test: a case for the run, one for each expectation."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class FileOutcome:
 
     @property
     def counted(self) -> str:
-        """How many expectations were met, in words; why it was not run where it was not."""
+        """The count of met expectations in words, or why the file was not run."""
         if self.problem:
             return self.cases[0].message
         expected = self.cases[1:]
@@ -105,7 +105,7 @@ class FileOutcome:
 
 
 def outcome_of(run: Run, path: Path, seconds: float, report: str = "") -> FileOutcome:
-    """What came of a task file that was run.
+    """Outcome of a task file that was run.
 
     Args:
         run: of it.
@@ -136,7 +136,7 @@ def refused(
     seconds: float = 0.0,
     task: str = "",
 ) -> FileOutcome:
-    """What came of a task file that could not be run.
+    """Outcome of a task file that could not be run.
 
     Args:
         path: of the file, as it was named.
@@ -158,7 +158,7 @@ def refused(
 def refused_by(
     path: Path, error: SpecError, expected: Sequence[Expectation] = (), task: str = ""
 ) -> FileOutcome:
-    """What came of a task file that findings refuse; see `refused`."""
+    """Outcome of a task file that findings refuse; see `refused`."""
     errors = [each for each in error.diagnostics if each.severity is Severity.ERROR]
     first = (errors or list(error.diagnostics))[0]
     more = f"; and {len(errors) - 1} more" if len(errors) > 1 else ""

@@ -106,7 +106,7 @@ class ContactLayout:
 
 @cache
 def layout() -> ContactLayout:
-    """Where every `mjModel` and `mjData` of this MuJoCo has what a collision needs.
+    """Offsets of what a collision needs in every `mjModel` and `mjData` of this MuJoCo.
 
     Raises:
         LayoutError: it is not there.
@@ -134,7 +134,7 @@ def install() -> None:
 
 @cache
 def _installed() -> tuple[Any, ...]:
-    """What has to live as long as the table names it."""
+    """Objects that have to live as long as the table names them."""
     found, add = layout(), simulator.address("mj_addContact")
     table = _table()
     at = _KIND * _KINDS + _KIND

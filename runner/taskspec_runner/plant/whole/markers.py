@@ -21,7 +21,7 @@ _MARKER = "whole/"
 
 @dataclass(frozen=True, slots=True)
 class WholeContact:
-    """What a contact of whole surfaces has.
+    """Data of a contact of whole surfaces.
 
     Attributes:
         declared: stiffness and damping of each of its patches.
@@ -37,7 +37,7 @@ class WholeContact:
 
     @property
     def numbers(self) -> list[float]:
-        """As a marker has them."""
+        """The user numbers of the marker."""
         k, b = self.declared.stiffness, self.declared.damping
         rate = settling_rate(b, self.mobility, self.plant_period)
         return [k, b, self.friction, self.mobility, rate / IMPEDANCE, IMPEDANCE]

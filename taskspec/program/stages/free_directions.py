@@ -1,4 +1,4 @@
-"""What a held mechanism leaves free, on the axes of a stage."""
+"""Directions that a held mechanism leaves free, on the axes of a stage."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
-from taskspec.laws.case import FreeWays
+from taskspec.laws.case import FreeDirections
 from taskspec.laws.mechanism_form import damping_rate
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement
@@ -16,7 +16,7 @@ from taskspec.program.reference.measurement import Measurement
 _DRIVES = 0.1
 
 
-def free_ways(plan: StagePlan, measurement: Measurement) -> FreeWays:
+def free_directions(plan: StagePlan, measurement: Measurement) -> FreeDirections:
     """The free directions of the mechanism that a stage holds, at its control point now.
 
     Which of them its motion axes drive is decided at the start pose.
@@ -27,7 +27,7 @@ def free_ways(plan: StagePlan, measurement: Measurement) -> FreeWays:
     rows = [a.row for a in plan.axes]
     T = (ca.diagcat(R, R) @ mechanism.twists(point.p - point.offset, point.p))[rows, :]
     driven, others = _driven(plan)
-    return FreeWays(T @ ca.DM(driven), T @ ca.DM(others), damping_rate(context.period))
+    return FreeDirections(T @ ca.DM(driven), T @ ca.DM(others), damping_rate(context.period))
 
 
 def _driven(plan: StagePlan) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -36,9 +36,9 @@ def _driven(plan: StagePlan) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     mechanism = context.mechanisms[plan.contacts.held]
     twists = mechanism.free_twists(context.start_p, context.start_p + plan.kinematics.lever)
     lengths = np.array([1.0] * 3 + [ARM_LENGTH] * 3)[:, None]
-    ways = lengths * (np.kron(np.eye(2), plan.rotation.T) @ twists)
-    size = np.linalg.norm(ways, axis=0)
+    directions = lengths * (np.kron(np.eye(2), plan.rotation.T) @ twists)
+    size = np.linalg.norm(directions, axis=0)
     moving = [a.row for a, p in plan.plans.items() if not (p.force or p.soft)]
-    _, shares, V = np.linalg.svd(np.vstack([(ways / size)[moving], np.zeros((6, len(size)))]))
+    _, shares, V = np.linalg.svd(np.vstack([(directions / size)[moving], np.zeros((6, len(size)))]))
     chosen = V.T / size[:, None]
     return chosen[:, shares > _DRIVES], chosen[:, shares <= _DRIVES]
