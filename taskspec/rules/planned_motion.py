@@ -36,7 +36,7 @@ def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
     if stage.frame.at_origin or not stage.translations:
         return
     if stage.context.loaded.task.shapes[contact].on is not None:
-        return  # It goes on its mechanism's way: what then resists is run ahead.
+        return  # It goes on its mechanism's way: what then resists the trial shows.
     normal = stage.contacts.normal(contact)
     along = {a: abs(float(walked.rotation[:, a.column] @ normal)) for a in stage.translations}
     axis = max(along, key=lambda a: along[a])

@@ -142,7 +142,7 @@ def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
         if stage.joint_path is not None:
             continue  # Of a path of joints it is that of its law, whatever is near.
         if stage.frame.tracking is not None:
-            continue  # Its axes turn with what it feels: it is run ahead.
+            continue  # Its axes turn with what it feels: the trial shows them.
         of_this = replace(shared, swings_for=lasting[control])
         try:
             if control in controls:
