@@ -335,7 +335,7 @@ _BY_CODE: dict[str, Callable[[Measured, str, str], str]] = {
     **dict.fromkeys(("TS611", "TS612", "TS617", "TS618", "TS619"), Measured.time),
     "TS327": Measured.pressed,
     "TS613": Measured.begins,
-    **dict.fromkeys(("TS322", "TS328", "TS329"), Measured.effort),
+    **dict.fromkeys(("TS322",), Measured.effort),
     **dict.fromkeys(("TS720", "TS722", "TS723", "TS724", "TS725", "TS726"), Measured.expected),
     **dict.fromkeys(("TS304", "TS428", "TS503", "TS504"), Measured.other),
     "TS431": Measured.samples,
