@@ -163,11 +163,11 @@ def test_moves_that_lead_out_of_reach() -> None:
 
 
 def test_places_that_cannot_be_known_are_left_alone() -> None:
-    """After a guard that leads nowhere certain, torques and joint rates are those run ahead."""
+    """After a guard that leads nowhere certain nothing is said of torques and joint rates."""
     known = "axes: {z: {force: -400 N}}\n    time: 1 s"
-    assert "run ahead" not in only(known).message
-    found = only(known, **{"velocity: -20 mm/s": "velocity: -20 mm/s * t/(1 s)"})
-    assert (found.code, "run ahead" in found.message) == ("TS424", True)
+    assert only(known).code == "TS420"
+    found, _ = check(known, **{"velocity: -20 mm/s": "velocity: -20 mm/s * t/(1 s)"})
+    assert found == ()
 
 
 @pytest.mark.parametrize(
@@ -182,9 +182,10 @@ def test_a_program_keeps_to_a_share_of_friction(solve: str, force: str, told: bo
     assert all("of which the program keeps to 90 %" in d.message for d in found)
 
 
-@pytest.mark.parametrize(("solve", "codes"), [("closed-form", ["TS616"]), ("qp", ["TS610"])])
+@pytest.mark.parametrize(("solve", "codes"), [("closed-form", []), ("qp", ["TS610"])])
 def test_a_program_keeps_to_a_share_of_the_limit_on_force(solve: str, codes: list[str]) -> None:
-    """15 N are 96.8 % of 15.5 N; the program holds 95 %. The closed form overshoots to 16 N."""
+    """15 N are 96.8 % of 15.5 N; the program holds 95 %. What a closed form
+    overshoots by is the trial's."""
     law = f"{{kind: hybrid, solve: {solve}}}"
     found, _ = check(PRESS, law=law, limit="15.5 N")
     assert [d.code for d in found] == codes
