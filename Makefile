@@ -66,7 +66,7 @@ BASE ?= 19f4a73
 equivalence: $(READY)  ## hold the tree against commit BASE: shipped and 200 random tasks, diagnostics
 	$(BIN)/python campaigns/equivalence.py --base $(BASE)
 
-native: $(READY)  ## hold the loop in machine code against Python's: shipped and 200 random tasks
+native: $(READY)  ## hold both tiers of the native loop against Python's: shipped and 200 random tasks
 	$(BIN)/python campaigns/native.py
 
 designs: $(READY)  ## sampled loops of 1440 tasks with mechanisms, whose designed gains are to be stable; docs/designed-gains.md
@@ -100,6 +100,7 @@ referee: $(READY)  ## other people's laws in tasks of this project; writes docs/
 
 bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a change of stage of a tick
 	$(BIN)/python benchmarks/bench_loop.py
+	$(BIN)/python benchmarks/bench_tiers.py
 	$(BIN)/python benchmarks/bench_stages.py
 	$(BIN)/python benchmarks/bench_validate.py
 

@@ -47,7 +47,7 @@ OWN = "taskspec"
 TSID, TSID_PYTHON = "TSID", ROOT / ".tsid" / "bin" / "python"
 TSID_GIVEN = (
     f"motion of {BANDWIDTH:g} Hz, damping ratio 1, with weight 100 on the axes that are led; a "
-    "point contact along the axis of force, friction 0.2, whose force is asked for with weight 1, "
+    "point contact along the axis of force, friction 0.2, whose force is commanded with weight 1, "
     "open loop, damped along it with 60 1/s; a posture with weight 1e-4; the arm's model and "
     "its limits of torque; tsid 1.7.1 with pin 3.4.0"
 )
@@ -207,7 +207,7 @@ def _panel(task: str, rows: list[Result], y0: int) -> Iterator[str]:
     def y(force: float) -> float:
         return y0 + _HIGH - (force - low) / (most - low) * _HIGH
 
-    title = f"{task}: {final:g} N are asked for"
+    title = f"{task}: {final:g} N are commanded"
     yield f'<text x="{_LEFT}" y="{y0 - 8}" font-weight="bold">{title}</text>'
     yield f'<rect x="{_LEFT}" y="{y0}" width="{_WIDE}" height="{_HIGH}" fill="#f5f6f6"/>'
     for value in np.linspace(low, most, 5):
@@ -236,14 +236,14 @@ makes this page and its picture.
 **The same for all.** The plant is served by [`taskspec plant`](protocol.md) in lock-step at the
 file's rate: one world, one sensor, the file's references, guards and limits. Who answers the
 samples with torques drives the arm. The file's `expect` says whether a run is good. All have the
-arm's own model with its tool, and nobody is told the surface's stiffness.
+arm's own model with its tool, and no controller is given the surface's stiffness.
 
-**What differs.** A task's file asks for force along one axis and motion along the others, which
-this project's laws are for. TSID has such axes too; its contacts stick, and its force is asked for
+**What differs.** A task's file commands force along one axis and motion along the others, which
+this project's laws are for. TSID has such axes too; its contacts stick, and its force is commanded
 without feedback. An impedance and operational space control as robosuite has it know no
 set points of force: they are given it as a feed-forward, the usual way to press with them. They are
-not given the accelerations of references, which the protocol does not send and they do not ask
-for. So the columns of force tell what feedback of force is worth, and that of the path what the
+not given the accelerations of references, which the protocol does not send and they do not
+use. So the columns of force show what feedback of force is worth, and that of the path what the
 acceleration of references is, at this bandwidth. It is {BANDWIDTH:g} Hz, which is what this
 project's laws are designed for where a file says nothing else; robosuite's own gains are a row of
 their own. What the files expect was written for this project's laws: a row that misses it is no

@@ -8,8 +8,8 @@ fully-actuated robots", Robotics and Autonomous Systems 63 (2015). In every tick
     with M a + C q' + g = tau + J_c^T f,  f in its friction cone,  tau within the arm's limits
 
 where a_d = k_p e + k_d e' on the axes that are led. An axis with a set point of force is that of a
-point contact; its force is asked for open loop, since the formulation reads no wrench. Contacts of
-TSID stick: the motion along the surface is asked for with more weight than that.
+point contact; its force is commanded open loop, since the formulation reads no wrench. Contacts of
+TSID stick: the motion along the surface is commanded with more weight than that.
 
 The library's wheels need an older Pinocchio, so this runs in an environment of its own:
 

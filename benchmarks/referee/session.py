@@ -66,7 +66,7 @@ class Sample:
 
     @property
     def off(self) -> Vector:
-        """(6,) reference less position in the frame's axes, 0 where nothing is asked for."""
+        """(6,) reference less position in the frame's axes, 0 where nothing is commanded."""
         return np.nan_to_num(self.extras["position_ref"] - self.extras["position"])
 
     @property

@@ -101,4 +101,4 @@ def _default(value: Any, shown: bool | str) -> str:
     if isinstance(shown, str):
         return f"`{shown}`" if "/" in shown or "-" in shown else shown
     value = value.value if isinstance(value, Enum) else value
-    return "" if value is None or value is False else f"`{value}`"
+    return "" if value in (None, []) or value is False else f"`{value}`"

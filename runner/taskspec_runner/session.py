@@ -232,7 +232,7 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
         why_python=outcome.why_python or None,
     )
     run = RunResult.written(folder, program, content, summary, history)
-    if manner.report:  # It needs jinja2, which a run does not.
+    if manner.report:  # It needs what a run does not.
         from taskspec_runner.report import write_report
 
         write_report(run)

@@ -1,7 +1,8 @@
 """Limits as bounds on one control period: accelerations and forces that can always be met again.
 
 A bound on a position alone is met too late: the joint arrives with a velocity that no motor stops.
-Each function here says how far one period may go so that the next one still has a way out.
+Each function here says how far one period may go so that the next one still has a feasible
+continuation.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def joint_accelerations(
     lower, upper = room
     rise = _towards(upper - q, v, fastest, braking, period, jerk)
     fall = _towards(q - lower, -v, fastest, braking, period, jerk)
-    # Beyond one limit, the way back is as fast as the other one allows.
+    # Beyond one limit, the return is as fast as the other one allows.
     rise = ca.fmax(rise, -fall)
     return -ca.fmax(fall, -rise), rise
 

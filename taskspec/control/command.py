@@ -1,4 +1,4 @@
-"""What a law asks for at one instant."""
+"""The command of a law at one instant."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What a law asks for; `resolution.torque` makes joint torques of it.
+    """The command of a law; `resolution.torque` makes joint torques of it.
 
     Attributes:
         wrench: (m,) w*, sent through J^T.

@@ -1,4 +1,4 @@
-"""What a law is asked to do at one instant, on the axes of its task state."""
+"""The references of a law at one instant, on the axes of its task state."""
 
 from __future__ import annotations
 

@@ -10,7 +10,8 @@ from taskspec.control import linear
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 
-#: Characteristic length [m]: where ways and angles are compared, 1 rad counts as this way.
+#: Characteristic length [m]: where distances and angles are compared, 1 rad counts as this
+#: distance.
 ARM_LENGTH = 0.3
 
 

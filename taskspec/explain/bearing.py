@@ -31,9 +31,9 @@ class Bearing:
 
 def bearing(plan: StagePlan) -> Bearing:
     """The contacts along a force axis of a stage, or along an axis that yields to them."""
-    bear = {*plan.pressed, *plan.met}
-    names = tuple(o for o in dict.fromkeys((*plan.touched, *plan.met)) if o in bear)
-    normals = np.array([plan.rotation.T @ plan.normal_of(o) for o in names])
+    bear = {*plan.contacts.pressed, *plan.met}
+    names = tuple(o for o in dict.fromkeys((*plan.contacts.touched, *plan.met)) if o in bear)
+    normals = np.array([plan.rotation.T @ plan.contacts.normal(o) for o in names])
     shapes = plan.context.loaded.task.shapes
     rubs = max((shapes[o].friction for o in names), default=0.0)
     return Bearing(names, normals.reshape(-1, 3).T, rubs)
@@ -43,8 +43,8 @@ def gap_at_start(plan: StagePlan) -> float | None:
     """Distance to the contact of a stage as it starts [m]; None where it is unknown."""
     context, gap = plan.context, plan.nominal.gap
     first = plan.name == next(iter(context.loaded.task.stages))
-    if gap is None and first and plan.contact is not None and plan.moving_base is not None:
-        return context.start_gaps[plan.contact]
+    if gap is None and first and plan.contacts.main is not None and plan.moving_base is not None:
+        return context.start_gaps[plan.contacts.main]
     return gap
 
 
@@ -56,7 +56,7 @@ def moment_arms(plan: StagePlan, normal: Vector) -> Vector:
     """
     context = plan.context
     tool = context.robot.tool
-    lever = -plan.lever
+    lever = -plan.kinematics.lever
     if tool.flat:
         lever = lever + WholeTool(tool).lever(context.start_R, plan.rotation @ normal)
     else:

@@ -116,7 +116,7 @@ def _free(
     if source is not None and not axis.is_rotation:
         rubs = rows.friction.get(source.by, 0.0)
     if effort:
-        return Natural(axis, "force", terms, plan.held, effort=effort)
+        return Natural(axis, "force", terms, plan.contacts.held, effort=effort)
     if source is None:
         return Natural(axis, "force")
     return Natural(

@@ -81,7 +81,7 @@ def reactions(plan: StagePlan) -> Reactions:
         sides.append(side)
     for wrench in _grip(plan):
         columns.append(wrench)
-        names.append(plan.held)
+        names.append(plan.contacts.held)
         states.append(State.THERE)
         sides.append(0)
     W = np.array(columns).reshape(-1, 6).T
@@ -98,7 +98,7 @@ def _turns(plan: StagePlan, name: str) -> bool:
         model = context.equations[name]
         return not model.joints and np.ptp(gradients(context, model), axis=1).max() > _STRAIGHT
     mechanism = context.mechanisms[name]
-    way, _ = mechanism.open_ways(context.start_p + plan.lever)
+    way, _ = mechanism.open_ways(context.start_p + plan.kinematics.lever)
     return mechanism.angular and frame.mechanism is None and bool(np.any(way))
 
 
@@ -125,7 +125,7 @@ def _state(plan: StagePlan, name: str) -> State | None:
         return State.THERE
     gap = gap_at_start(plan)
     apart = gap is not None and gap > AT_SURFACE
-    if (gap is None or apart) and name == plan.approached and _waits_for_touch(plan, name):
+    if (gap is None or apart) and name == plan.contacts.approached and _waits_for_touch(plan, name):
         return State.MET
     return None if apart else State.MAYBE
 
@@ -137,7 +137,7 @@ def _waits_for_touch(plan: StagePlan, name: str) -> bool:
         entry = plan.spec.axes.get(axis)
         if entry is not None and entry.mode.moves:
             rates[axis.row] = entry.mode.settled_rate(plan.known) or 0.0
-    closing = -float(plan.normal_of(name) @ plan.rotation @ np.nan_to_num(rates))
+    closing = -float(plan.contacts.normal(name) @ plan.rotation @ np.nan_to_num(rates))
     names = [] if until is None else [n.path[0] for n in walk(until.tree) if isinstance(n, Name)]
     return closing > 0 and any(each in _CONTACT_SIGNALS for each in names)
 
@@ -146,7 +146,7 @@ def equation_wrenches(plan: StagePlan) -> Iterator[tuple[str, Vector, int]]:
     """Gradients of the equations where the run begins, and the side on which they let pass."""
     context = plan.context
     J = np.kron(np.eye(2), plan.rotation.T) @ context.start_jacobian
-    J[:3] += np.cross(J[3:], plan.rotation.T @ plan.lever, axis=0)
+    J[:3] += np.cross(J[3:], plan.rotation.T @ plan.kinematics.lever, axis=0)
     for name, model in context.equations.items():
         gradient = context.start_equations[name].normal
         wrench, *_ = np.linalg.lstsq(J.T, gradient, rcond=1e-9)
@@ -173,8 +173,8 @@ def _grip(plan: StagePlan) -> Iterator[Vector]:
 def mechanism_twists(plan: StagePlan) -> Vector | None:
     """(6, k) free twists of the held mechanism at the control point, in the stage's axes."""
     context = plan.context
-    if not plan.held:
+    if not plan.contacts.held:
         return None
-    point = context.start_p + plan.lever
-    T = context.mechanisms[plan.held].free_twists(context.start_p, point)
+    point = context.start_p + plan.kinematics.lever
+    T = context.mechanisms[plan.contacts.held].free_twists(context.start_p, point)
     return np.asarray(np.kron(np.eye(2), plan.rotation.T) @ T)

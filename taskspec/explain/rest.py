@@ -163,7 +163,7 @@ def _comes_and_goes(plan: StagePlan, name: str) -> bool:
     base = context.moving_bases.get(name)
     if base is None or (own is not None and own.name == name):
         return False
-    normal = plan.normal_of(name)
+    normal = plan.contacts.normal(name)
     times = np.linspace(0.0, _LAST, _INSTANTS)
     rates = [normal @ base.twist(float(t), context.start_p)[:3] for t in times]
     return bool(np.max(np.abs(rates)) > _STANDS)
@@ -199,10 +199,10 @@ def _equations(plan: StagePlan, returned: ReturnedForces | None) -> dict[str, Re
 
 def _mechanism(plan: StagePlan) -> dict[str, RestValue]:
     """What the held mechanism takes to go on at its rate: friction and damping."""
-    rate = coordinate_rate(plan) if plan.held else None
+    rate = coordinate_rate(plan) if plan.contacts.held else None
     if not rate:
         return {}
-    held = plan.context.loaded.task.mechanisms[plan.held]
+    held = plan.context.loaded.task.mechanisms[plan.contacts.held]
     value = float(np.sign(rate)) * held.friction + held.damping * rate
-    signal = f"{plan.held}.{'torque' if held.angular else 'force'}"
+    signal = f"{plan.contacts.held}.{'torque' if held.angular else 'force'}"
     return {signal: RestValue(value, "friction and damping")}

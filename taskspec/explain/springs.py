@@ -49,13 +49,13 @@ class SpringContact:
 def spring_contact(plan: StagePlan) -> SpringContact | None:
     """The contact of a stage that springs press on; None where there is none, or it is unknown."""
     on = bearing(plan)
-    if plan.contact not in on.names or plan.frame.at_origin or plan.falls:
+    if plan.contacts.main not in on.names or plan.frame.at_origin or plan.falls:
         return None
-    normal = on.normals[:, on.names.index(plan.contact)]
+    normal = on.normals[:, on.names.index(plan.contacts.main)]
     found, compliance = _behind(plan, normal), _compliance(plan, normal)
     if found is None or compliance is None or found[1] <= 0:
         return None
-    return SpringContact(plan.contact, found[0], normal, found[1], compliance)
+    return SpringContact(plan.contacts.main, found[0], normal, found[1], compliance)
 
 
 def _compliance(plan: StagePlan, normal: Vector) -> float | None:
@@ -95,7 +95,11 @@ def _behind(plan: StagePlan, normal: Vector) -> tuple[Axis, float] | None:
             own = value_of(plan.gains, "stiffness", axis)
             if wanted is None or own <= 0:
                 return None
-            depth = -wanted * (1 / own + 1 / plan.stiffness_of(axis)) / float(normal[axis.row])
+            depth = (
+                -wanted
+                * (1 / own + 1 / plan.environment.stiffness_of(axis))
+                / float(normal[axis.row])
+            )
             return axis, depth
         reference = _reference(plan, normal)
         return None if reference is None else (axis, -reference)

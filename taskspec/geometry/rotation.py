@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Keeps angle/|w| finite and differentiable at the identity; its square root is the angle (rad)
-# below which a rotation cannot be told from none.
-_TINY = 1e-24
+# below which a rotation counts as none.
+_SQUARED_ANGLE_FLOOR = 1e-24
 
 
 def exp(w: ca.SX) -> ca.SX:
     """Rotation matrix (3, 3) of the rotation vector w (3,) [rad], by Rodrigues' formula."""
-    angle = ca.sqrt(ca.dot(w, w) + _TINY)
+    angle = ca.sqrt(ca.dot(w, w) + _SQUARED_ANGLE_FLOOR)
     W = ca.skew(w)
     half = ca.sin(angle / 2) / (angle / 2)
     return ca.SX.eye(3) + ca.sin(angle) / angle * W + half**2 / 2 * (W @ W)
@@ -25,7 +25,7 @@ def exp(w: ca.SX) -> ca.SX:
 def log(R: ca.SX) -> ca.SX:
     """Rotation vector (3,) [rad] of the rotation matrix R (3, 3); exact for angles below pi."""
     w = ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]) / 2
-    sine = ca.sqrt(ca.dot(w, w) + _TINY)
+    sine = ca.sqrt(ca.dot(w, w) + _SQUARED_ANGLE_FLOOR)
     cosine = (R[0, 0] + R[1, 1] + R[2, 2] - 1) / 2
     return w * (ca.atan2(sine, cosine) / sine)
 
@@ -50,7 +50,7 @@ def quaternion(w: NDArray[np.float64]) -> NDArray[np.float64]:
 def turned(
     one: NDArray[np.float64], other: NDArray[np.float64], *, back: bool = False
 ) -> NDArray[np.float64]:
-    """The product (4,) of two unit quaternions, the first one inverted if asked for."""
+    """The product (4,) of two unit quaternions, the first one inverted where `back` is true."""
     s, v = one[0], -one[1:] if back else one[1:]
     return np.array(
         [s * other[0] - v @ other[1:], *(s * other[1:] + other[0] * v + cross(v, other[1:]))]

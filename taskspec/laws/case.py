@@ -18,7 +18,7 @@ from taskspec.laws.multipliers import Multipliers
 
 @dataclass(frozen=True, slots=True)
 class JointReference:
-    """What a path of joints asks for at one instant.
+    """The references of a path of joints at one instant.
 
     Attributes:
         error: (n,) q_d - q [rad, m].
@@ -104,7 +104,7 @@ class Case:
         return opposite(wrench)
 
     def joint_motion(self) -> ca.SX:
-        """q'' (n,) that the motion loops ask for, whatever constrains the arm."""
+        """q'' (n,) that the motion loops command, whatever constrains the arm."""
         reference, state = self.reference, self.state
         acceleration = (
             reference.acceleration

@@ -21,7 +21,7 @@ class AxisContact:
         normal: whether it is a motion axis whose contact force is left uncancelled.
         gains: on it, by name [SI].
         stiffness: of the contact, k_e [N/m].
-        mass: felt along it, Lambda_n [kg].
+        mass: effective along it, Lambda_n [kg].
         rigid: whether a good part of a step's acceleration comes back from the contact within it,
             as measured by a sensor without a filter.
         period: control period T [s].

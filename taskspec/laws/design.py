@@ -1,6 +1,6 @@
 """Designed gains: rules for what a file leaves out, shared by the laws (docs/language.md).
 
-A designed gain follows from the mass h that the axis feels, the nominal contact stiffness k and
+A designed gain follows from the effective mass h of the axis, the nominal contact stiffness k and
 the control period T, so that a task file need not know any of them.
 """
 
@@ -56,11 +56,11 @@ def accelerations(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
 def springs(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
     """Gains of an axis that a spring and a damper hold, beside a force loop if the law has one."""
     plant = axis.plant
-    # Where the arm keeps its own inertia, an axis moves the mass that it feels while the springs
+    # Where the arm keeps its own inertia, an axis moves its effective mass while the springs
     # of the other axes hold them: at the wrist ten times the free one.
     smallest = _SMALLEST_MASS["angular" if axis.rotation else "linear"]
     h = max(plant.held if law.natural else plant.h, smallest)
-    mass = axis.of_the_law("mass") or Gain(h, "designed: mass felt on the axis")
+    mass = axis.of_the_law("mass") or Gain(h, "designed: effective mass of the axis")
     # The inverse-dynamics core leaves nothing to move but `mass`, so that is what dampers stop.
     moved = plant if law.natural else replace(plant, h=mass.value)
     stiffness = (

@@ -44,7 +44,7 @@ DAMPING = LawGain("damping", units.DAMPING)
 JOINT_DAMPING = LawGain("joint_damping", units.DAMPING)
 BANDWIDTH = LawGain("bandwidth", units.FREQUENCY, powers={"bandwidth": 1, "K_P": 2, "K_D": 1})
 DAMPING_RATIO = LawGain("damping_ratio", powers={"damping_ratio": 1, "K_D": 1})
-#: Of motion loops that ask for accelerations; both follow from bandwidth and damping ratio.
+#: Of motion loops that command accelerations; both follow from bandwidth and damping ratio.
 K_P = LawGain("K_P", units.FREQUENCY**2)
 K_D = LawGain("K_D", units.FREQUENCY, "1/s")
 FORCE_PROPORTIONAL = LawGain("force.proportional")
@@ -86,7 +86,7 @@ class AxisPlant:
     """What the design of one axis knows about arm and contact.
 
     Attributes:
-        h: mass felt along the axis while the others are free, 1/(J H^-1 J^T)_ii [kg, kg m^2].
+        h: effective mass along the axis while the others are free, 1/(J H^-1 J^T)_ii [kg, kg m^2].
         held: the same while the others are held, Lambda_ii.
         k: nominal contact stiffness [N/m, N m/rad].
         period: control period T [s].

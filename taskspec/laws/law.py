@@ -100,7 +100,7 @@ class ControlLaw(ABC):
 
         Args:
             gains: on the axis, by name [SI].
-            mass: felt along it [kg].
+            mass: effective along it [kg].
         """
         return gains["stiffness"] if "stiffness" in gains else mass * gains.get("K_P", 0.0)
 
@@ -124,7 +124,7 @@ class ControlLaw(ABC):
         return "set point"
 
     def gives_way(self, gains: Gains, axes: Sequence[str]) -> list[float] | None:
-        """How fast loops give way to forces that are not returned, per newton, by axis.
+        """How fast loops yield to forces that are not returned, per newton, by axis.
 
         None where the law leaves open what it settles at.
         """
@@ -182,7 +182,7 @@ class ControlLaw(ABC):
     def enforces(
         self, *, force: bool, motion: bool, open_loop: bool, soft: bool, lets_go: bool = False
     ) -> str:
-        """Who sees to what is asked of an axis, in words.
+        """What controls an axis, in words.
 
         Args:
             force: whether a force loop is on it.

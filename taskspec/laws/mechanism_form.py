@@ -82,14 +82,14 @@ def command(
 
 
 def _clear_of(T: ca.SX, others: ca.SX, L: ca.SX) -> ca.SX:
-    """The same ways, without what the arm would move along the others as it drives them."""
+    """The same directions, without what the arm would move along the others as it drives them."""
     if not (T.shape[1] and others.shape[1]):
         return T
     return T - others @ linear.small_solve(others.T @ L @ others, others.T @ L @ T)
 
 
 def _inverse(T: ca.SX, axes: list[Axis]) -> ca.SX:
-    """T^+ (d, r) of the driven rows (r, d); angles count as ways of the arm's length."""
+    """T^+ (d, r) of the driven rows (r, d); angles count as distances at the arm's length."""
     weight = ca.diag(ca.DM([ARM_LENGTH**2 if a.is_rotation else 1.0 for a in axes]))
     return linear.small_solve(T.T @ weight @ T, T.T @ weight)
 

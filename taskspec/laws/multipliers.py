@@ -66,7 +66,7 @@ class Multipliers:
         """The command of both laws.
 
         Args:
-            wanted: (n,) q'' that the motion loops ask for, q''_d + K_D e' + K_P e.
+            wanted: (n,) q'' that the motion loops command, q''_d + K_D e' + K_P e.
             reaction: (n,) J_phi^T of what the law makes of the multipliers.
             damping: (m,) along the normals [N s/m]; it does nothing on an ideal constraint.
             released: (m,) wrench on the task axes that the last stage held, as it fades.

@@ -31,7 +31,7 @@ class OpenLoop(AxisMode):
     def reference(self, at: ReferenceInputs) -> OwnReference:
         """r = r_0 + f (1/k_m + 1/k_e): a displacement that stands for a force asks no motion."""
         own = 1 / value_of(at.plan.gains, "stiffness", at.axis)
-        k = at.plan.stiffness_of(at.axis)
+        k = at.plan.environment.stiffness_of(at.axis)
         contact = 1 / k if k > 0 and not at.axis.is_rotation else 0.0
         displacement = at.forces[at.axis] * (own + contact)
         return OwnReference(at.start + displacement, ca.SX(0), ca.SX(0))

@@ -74,6 +74,13 @@ class PlannedAxis(Protocol):
     def leads(self) -> bool: ...  # noqa: D102
 
 
+class StageStiffness(Protocol):
+    """What returns the forces of the stage."""
+
+    def stiffness_of(self, axis: Axis) -> float:
+        """Nominal stiffness [N/m] of what a force on an axis acts on, 0 without any."""
+
+
 class PlannedStage(Protocol):
     """The stage of an axis.
 
@@ -82,6 +89,7 @@ class PlannedStage(Protocol):
         frame: of the stage.
         rotation: (3, 3) its frame in the world at the start pose.
         plans: who controls each axis.
+        environment: what returns forces on its axes.
         gains: of its axes.
         from_rest: axes whose references start from rest in a time of their own.
         couplings: of the axes that follow a mechanism.
@@ -96,14 +104,13 @@ class PlannedStage(Protocol):
     @property
     def plans(self) -> Mapping[Axis, PlannedAxis]: ...  # noqa: D102
     @property
+    def environment(self) -> StageStiffness: ...  # noqa: D102
+    @property
     def gains(self) -> Gains: ...  # noqa: D102
     @property
     def from_rest(self) -> Container[Axis]: ...  # noqa: D102
     @property
     def couplings(self) -> Mapping[Axis, Coupling]: ...  # noqa: D102
-
-    def stiffness_of(self, axis: Axis) -> float:
-        """Nominal stiffness [N/m] of what a force on an axis acts on, 0 without any."""
 
 
 class StageClock(Protocol):

@@ -56,7 +56,7 @@ def from_rest(t: Number) -> Number:
     """The time of a reference that starts from rest at t = 0, by whose rate it goes [s].
 
     T (u^3 - u^4/2) with u = t/T and T = `BLEND_TIME`, whose rate is `ramp_shape(u)`; then t - T/2.
-    What goes by it takes the way that it has in time itself, never faster.
+    What goes by it takes the values that it has in time itself, never faster.
     """
     u = least(greatest(t / BLEND_TIME, 0.0), 1.0)
     passed: Number = BLEND_TIME * u**3 * (1 - u / 2) + greatest(t - BLEND_TIME, 0.0)

@@ -1,7 +1,7 @@
 """A path in joint space: straight from one set of joint positions to the next, at rest in each.
 
 All joints begin and arrive together: q(s) = q_k + (s - k)(q_{k+1} - q_k) for s from k to k + 1, and
-the joint with the longest way on a piece goes with the path's speed there. s(t) of a piece is a
+the joint with the longest travel on a piece goes with the path's speed there. s(t) of a piece is a
 `profile.move`: the fastest one under limits of the speed v, the acceleration 2 v/T and the jerk
 4 v/T^2 of that joint, with the rise time T of all moves.
 """
@@ -16,7 +16,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.motion.polynomial import PiecewiseCubic
 from taskspec.motion.profile import RISE_TIME, move
 
-#: A way that is no longer than what rounding leaves [rad, m].
+#: A travel that is no longer than what rounding leaves [rad, m].
 _NOWHERE = 1e-12
 
 #: (n,) numbers, or an expression of where the stage is entered.
@@ -29,7 +29,7 @@ class JointPath:
 
     Attributes:
         targets: (n,) joint positions of each, one after the other [rad, m].
-        speed: of the joint that has the longest way [rad/s]; or
+        speed: of the joint that has the longest travel [rad/s]; or
         time: that all of it takes [s].
     """
 
@@ -43,15 +43,15 @@ class JointPath:
         Args:
             start: (n,) joint positions as the stage is entered; numbers, or an expression.
         """
-        ways = [_longest(way) for way in self._ways(start)]
-        whole = sum(ways[1:], start=ways[0])
+        travels = [_longest(travel) for travel in self._travels(start)]
+        whole = sum(travels[1:], start=travels[0])
         moves = []
-        for k, way in enumerate(ways):
+        for k, travel in enumerate(travels):
             if self.time is None:
                 assert self.speed is not None
-                moves.append(move(float(k), 0.0, k + 1.0, self.speed / way))
+                moves.append(move(float(k), 0.0, k + 1.0, self.speed / travel))
                 continue
-            share = self.time * way / whole
+            share = self.time * travel / whole
             half = share / 2
             rise = ca.fmin(RISE_TIME, half) if _symbolic(share) else min(RISE_TIME, half)
             moves.append(move(float(k), 0.0, k + 1.0, 1.0 / (share - rise), rise))
@@ -60,21 +60,21 @@ class JointPath:
     def at(self, start: Joints, s: Any) -> Joints:
         """Joint positions (n,) at s; numbers, or an expression."""
         q = start
-        for k, way in enumerate(self._ways(start)):
+        for k, travel in enumerate(self._travels(start)):
             passed = s - k
             if _symbolic(passed):
                 passed = ca.fmin(ca.fmax(passed, 0.0), 1.0)
             else:
                 passed = min(max(passed, 0.0), 1.0)
-            q = q + passed * way
+            q = q + passed * travel
         return q
 
     def piece(self, start: Joints, s: float) -> Joints:
         """dq/ds (n,) at s, of numbers."""
-        ways = self._ways(start)
-        return ways[min(max(int(s), 0), len(ways) - 1)]
+        travels = self._travels(start)
+        return travels[min(max(int(s), 0), len(travels) - 1)]
 
-    def _ways(self, start: Joints) -> list[Joints]:
+    def _travels(self, start: Joints) -> list[Joints]:
         places = [start, *(_like(start, target) for target in self.targets)]
         return [there - here for here, there in pairwise(places)]
 
@@ -88,11 +88,11 @@ def _like(start: Joints, target: tuple[float, ...]) -> Joints:
     return ca.SX(ca.DM(target)) if _symbolic(start) else np.array(target)
 
 
-def _longest(way: Joints) -> Any:
-    """The way of the joint that has most to go [rad, m]."""
-    if _symbolic(way):
-        return ca.fmax(ca.mmax(ca.fabs(way)), _NOWHERE)
-    return max(float(np.max(np.abs(way))), _NOWHERE)
+def _longest(travel: Joints) -> Any:
+    """The travel of the joint that has most to go [rad, m]."""
+    if _symbolic(travel):
+        return ca.fmax(ca.mmax(ca.fabs(travel)), _NOWHERE)
+    return max(float(np.max(np.abs(travel))), _NOWHERE)
 
 
 def _joined(moves: list[PiecewiseCubic]) -> PiecewiseCubic:

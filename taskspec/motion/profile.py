@@ -4,8 +4,8 @@ A move changes its rate from the one that it has to a peak, keeps that, and come
 speed s and a rise time T the jerk is 4 s/T^2 and the acceleration at most 2 s/T. So a change of
 rate by D takes the jerk for T/2 sqrt(D/s), and back for as long; beyond D = s the largest
 acceleration is held for (D/s - 1) T/2 in between. The peak is s, or the one at which nothing is
-left of the way. So a move is a function of the place and the rate from which it starts, of numbers
-and of CasADi's expressions alike.
+left of the distance. So a move is a function of the place and the rate from which it starts, of
+numbers and of CasADi's expressions alike.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PIECES = 8
 
 #: How often a pace is tried so that sections take a time: it is then near by this share, and
 #: scaled to be exact, with an acceleration that is near by its square.
-_TRIES, _NEAR = 30, 1e-3
+_PACE_TRIES, _PACE_TOLERANCE = 30, 1e-3
 #: Paces beyond this multiple of the mean one make a time no shorter.
 _FASTEST = 100.0
 
@@ -109,7 +109,7 @@ def timing_by_sections(
 ) -> PiecewiseCubic:
     """The path parameter (0 to 1) against time [s], from rest to rest, slower where it bends.
 
-    Each section is gone through with one peak; the rate changes as in a move, along the way and
+    Each section is gone through with one peak; the rate changes as in a move, along the path and
     where neighbours differ within the faster one. Along and across, the acceleration is at most
     2 v/T on its own, and where a path bends there is none along it at the section's own speed.
 
@@ -123,10 +123,10 @@ def timing_by_sections(
     whole, rise = math.fsum(s.length for s in sections), min(RISE_TIME, time / 2)
     # What is k times as slow, with k times the rise, takes k times as long; k nears 1.
     pace = whole / (time - rise)
-    for _ in range(_TRIES):
+    for _ in range(_PACE_TRIES):
         tried = _by_sections(sections, pace, rise)
         share = float(tried.rests) / time
-        if abs(share - 1) < _NEAR:
+        if abs(share - 1) < _PACE_TOLERANCE:
             break
         pace = min(pace * share, _FASTEST * whole / time)
     rows = tried.coefficients * share ** np.arange(4)
@@ -139,21 +139,21 @@ def _by_sections(sections: Sequence[PathSection], speed: float, rise: float) -> 
     # Rates in units of the speed, lengths in units of speed times half a rise.
     unit = speed * rise / 2
     most = [s.most(speed, 2 * speed / rise) / speed for s in sections]
-    ways = [s.length / unit for s in sections]
+    distances = [s.length / unit for s in sections]
     bounds = [0.0 if s.rests else min(most[i - 1], most[i]) for i, s in enumerate(sections) if i]
     rates = [0.0, *bounds, 0.0]
-    for i, way in enumerate(ways):
-        rates[i + 1] = min(rates[i + 1], _reachable(rates[i], way, rates[i + 1]))
-    for i in reversed(range(len(ways))):
-        rates[i] = min(rates[i], _reachable(rates[i + 1], ways[i], rates[i]))
+    for i, distance in enumerate(distances):
+        rates[i + 1] = min(rates[i + 1], _reachable(rates[i], distance, rates[i + 1]))
+    for i in reversed(range(len(distances))):
+        rates[i] = min(rates[i], _reachable(rates[i + 1], distances[i], rates[i]))
     times, rows = [0.0], []
     place, scale = 0.0, unit / whole
-    for i, way in enumerate(ways):
+    for i, distance in enumerate(distances):
         first, last = rates[i], rates[i + 1]
-        peak = _over(first, last, way, most[i])
-        left = max(way - _way(first, peak) - _way(peak, last), 0.0)
+        peak = _over(first, last, distance, most[i])
+        left = max(distance - _distance(first, peak) - _distance(peak, last), 0.0)
         phases = [*_change(first, peak), (left / peak if peak > 0 else 0.0, 0.0)]
-        ended = place + way * scale
+        ended = place + distance * scale
         rate, bend = first, 0.0
         for lasts, jerk in (*phases, *_change(peak, last)):
             if lasts <= 0:
@@ -177,25 +177,25 @@ def _change(v: float, w: float) -> list[tuple[float, float]]:
     return [(bent, sign), (held, 0.0), (bent, -sign)]
 
 
-def _reachable(v: float, way: float, most: float) -> float:
-    """The greatest rate up to `most` to which a way leads from rate v; v if that is greater."""
-    if most <= v or _way(v, most) <= way:
+def _reachable(v: float, distance: float, most: float) -> float:
+    """The greatest rate up to `most` at the end of a distance from rate v; at least v."""
+    if most <= v or _distance(v, most) <= distance:
         return most
     low, high = v, most
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        low, high = (middle, high) if _way(v, middle) <= way else (low, middle)
+        low, high = (middle, high) if _distance(v, middle) <= distance else (low, middle)
     return low
 
 
-def _over(v: float, w: float, way: float, most: float) -> float:
-    """The peak of a way between two rates."""
+def _over(v: float, w: float, distance: float, most: float) -> float:
+    """The peak rate of a distance between two rates."""
     low, high = max(v, w), most
-    if _way(v, high) + _way(high, w) <= way:
+    if _distance(v, high) + _distance(high, w) <= distance:
         return high
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        fits = _way(v, middle) + _way(middle, w) <= way
+        fits = _distance(v, middle) + _distance(middle, w) <= distance
         low, high = (middle, high) if fits else (low, middle)
     return low
 
@@ -214,17 +214,19 @@ def _pieces(
 ) -> tuple[list[Number], list[list[Number]]]:
     """Knots and coefficients of a move.
 
-    Rates are told in units of its speed, times in halves of its rise.
+    Rates are given in units of its speed, times in halves of its rise.
     """
     half = rise / 2
     v, d = velocity / speed, (target - start) / (speed * half)
     # It goes ahead, or back where even stopping at once leads beyond its target.
-    ahead = _where(d >= _way(v, 0.0), 1.0, -1.0)
+    ahead = _where(d >= _distance(v, 0.0), 1.0, -1.0)
     v, d = v * ahead, d * ahead
-    reached = d >= _way(v, 1.0) + _way(1.0, 0.0)
+    reached = d >= _distance(v, 1.0) + _distance(1.0, 0.0)
     peak = 1.0 if reached is True else _where(reached, 1.0, _peak(v, d))
     cruise = _where(
-        _either(reached, v > 1.0), (d - _way(v, peak) - _way(peak, 0.0)) / _positive(peak), 0.0
+        _either(reached, v > 1.0),
+        (d - _distance(v, peak) - _distance(peak, 0.0)) / _positive(peak),
+        0.0,
     )
     change = peak - v
     sign = _where(change >= 0, 1.0, -1.0)
@@ -251,7 +253,7 @@ def _pieces(
 
 
 def _peak(v: Number, d: Number) -> Number:
-    """The rate at which a move from rate v over a way d, too short for its speed, turns back."""
+    """The rate at which a move from rate v turns back, its distance d too short for its speed."""
     low = _larger(v, 0.0)
     step = _larger(1.0 - low, 0.0)
     halve = _halving() if _symbol(v) else _halved
@@ -275,7 +277,7 @@ def _halving() -> ca.Function:
     return ca.Function("halved", given, [_halved(*given)])
 
 
-def _way(v: Number, w: Number) -> Number:
+def _distance(v: Number, w: Number) -> Number:
     """How far a change of rate from v to w leads."""
     change = _size(w - v)
     return (v + w) / 2 * (2 * _bent(change) + _straight(change))

@@ -74,7 +74,7 @@ class Table:
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=0))])
 
     def clock(self) -> PiecewiseCubic:
-        """Its time against stage time [s], of a table that tells it itself.
+        """Its time against stage time [s], of a table that has times of its own.
 
         One that begins in motion starts from rest: its rate rises in `BLEND_TIME` to what then
         still brings it to its end in time, so that it goes faster by at most that share.

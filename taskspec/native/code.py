@@ -185,7 +185,7 @@ def interpreter_engine() -> Engine:
     def text() -> bytes:
         return kernel_source(interpreter) + f"{ca.CasadiMeta.version()}".encode()
 
-    source = _Source(INTERPRET, None, text, interpreter_ir, level=2)
+    source = _Source(INTERPRET, None, text, interpreter_ir, level=1)
     return _ENGINES.of(source, Compiling.WAIT)
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES, Axis
 
-_ALIGNED = 1e-6
+_ALIGNMENT_TOLERANCE = 1e-6
 #: An axis is along a normal if it carries at least half of the square of a force along that.
 MOSTLY = 0.7071
 
@@ -39,8 +39,8 @@ def existing_axes(
         inside = np.array([a in world_axes for a in block], dtype=float)
         column = rotation[:, AXES.index(name) % 3]
         share = float(np.sum(inside * column**2))
-        if share > 1 - _ALIGNED:
+        if share > 1 - _ALIGNMENT_TOLERANCE:
             available.append(name)
-        elif share > _ALIGNED and orthogonal:
+        elif share > _ALIGNMENT_TOLERANCE and orthogonal:
             raise SkewedAxisError(name)
     return tuple(available)

@@ -1,4 +1,4 @@
-"""Components of the values that a world may have otherwise than the controller is told."""
+"""Components of the values in which a world may differ from the nominal one."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ def components(
 
 
 def otherwise(context: Context, wanted: Callable[[str], bool]) -> dict[Component, float]:
-    """What is otherwise in truth than the controller is told [SI], of the paths that are wanted."""
+    """True values that differ from the nominal ones [SI], of the paths that are wanted."""
     loaded, found = context.loaded, {}
     for path in loaded.task.true_numbers:
         if not wanted(path):
             continue
         count = len(loaded.task.target_of(path).dimensions)
         for index in range(count) if count > 1 else (None,):
-            told, true = (
+            declared, true = (
                 value_of(context, t, path, index) for t in (loaded.task, loaded.true_task)
             )
-            if told != true:
+            if declared != true:
                 found[path, index] = true
     return found
 

@@ -36,7 +36,7 @@ def parts(node: Node) -> Iterator[Node]:
 def bounds_of(
     conditions: Iterable[Node], algebra: IntervalAlgebra, lookup: Lookup
 ) -> dict[Node, Interval]:
-    """What conditions that all hold at once ask of the quantities that they compare.
+    """What conditions that all hold at once require of the quantities that they compare.
 
     Strict relations count as if they were not.
     """
@@ -78,12 +78,12 @@ def value_of(
 ) -> Interval:
     """Whether a condition never holds: its parts, and what is known, may exclude each other.
 
-    That it always holds is not to be told from the answer: parts are taken to hold for others.
+    That it always holds does not follow from the answer: parts are taken to hold for others.
     """
     inner = node.x if isinstance(node, Held) else node
     wanted = bounds_of([inner], algebra, lookup)
     known = dict(bounds or {})
-    # What holds now says nothing of what a reducer has seen.
+    # What holds now says nothing of what a reducer has read.
     past = {n for reduced in tree.walk(node) if isinstance(reduced, Reduce) for n in names(reduced)}
     now = {name: interval for name, interval in wanted.items() if name not in past}
 

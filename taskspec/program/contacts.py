@@ -2,8 +2,8 @@
 
 What the file names comes first: `contact` on the axis, then on the stage; then the object whose
 surface the frame follows, or on which it is fixed. Elsewhere it is the first object on the straight
-way along which the axis pushes or moves, from where the tool is as the stage starts; an axis that
-does neither, or whose direction the file does not tell, may be met from both sides. Where no object
+line along which the axis pushes or moves, from where the tool is as the stage starts; an axis that
+does neither, or whose direction the file leaves open, may be met from both sides. Where no object
 lies ahead, the one behind counts: the tool may leave it, or pull at it.
 """
 
@@ -25,21 +25,21 @@ from taskspec.shapes import Surface
 from taskspec.spec import AxisEntry
 
 Vector = NDArray[np.float64]
-#: A way that closes in by less than this share of itself passes by: 1 deg.
+#: A line that closes in by less than this share of itself passes by: 1 deg.
 PASSING = math.sin(math.radians(1.0))
 #: Nearer than this the tool is at an object [m].
-_MET = 1e-9
+_CONTACT_TOLERANCE = 1e-9
 #: No arm reaches farther [m].
-_FARTHEST = 5.0
+_LONGEST_REACH = 5.0
 _MOST_FREE_STEPS = 2000
 _MOST_STEPS = 60
-#: When the sign of a reference is looked at [s].
+#: When the sign of a reference is sampled [s].
 _TIMES = (0.0, 0.13, 0.37, 1.0, 2.9)
 
 
 @dataclass(frozen=True, slots=True)
 class Encounter:
-    """What a straight way of the tool leads to.
+    """What a straight motion of the tool leads to.
 
     Attributes:
         contact: the object.
@@ -94,7 +94,7 @@ class Obstacles:
         return min(self.distance(name, p + R @ c)[0] - float(r) for c, r in spheres)
 
     def first(self, p: Vector, R: Vector, direction: Vector) -> Encounter | None:
-        """The first object on a straight way of the tool; None where it meets none.
+        """The first object on a straight motion of the tool; None where it meets none.
 
         Args:
             p, R: (3,), (3, 3) pose of the tip as it starts.
@@ -132,7 +132,7 @@ class Obstacles:
         return -touch.depth, touch.normal
 
     def _sphere(self, name: str, x: Vector, radius: float, direction: Vector) -> Encounter | None:
-        """The way of a sphere about a point (3,)."""
+        """The motion of a sphere about a point (3,)."""
 
         def off(way: float) -> tuple[float, Vector]:
             distance, normal = self.distance(name, x + way * direction)
@@ -147,30 +147,30 @@ class Obstacles:
         off: Callable[[float], tuple[float, Vector]],
         convex: bool,
     ) -> Encounter | None:
-        """Newton's method from outside: towards a convex shape it never goes beyond the way.
+        """Newton's method from outside: towards a convex shape it never goes beyond the distance.
 
-        Of what is not convex the distance alone tells how far the way is free.
+        Of what is not convex the distance alone bounds the free travel.
 
         Args:
             name: of the object.
-            direction: (3,) of the way.
-            off: distance [m] and normal (3,) after a way [m].
+            direction: (3,) of the motion.
+            off: distance [m] and normal (3,) after a travel [m].
             convex: whether the object is.
         """
         way = 0.0
         for _ in range(_MOST_STEPS if convex else _MOST_FREE_STEPS):
             distance, normal = off(way)
             closing = -float(normal @ direction)
-            if (convex and not closing > PASSING) or way > _FARTHEST:
+            if (convex and not closing > PASSING) or way > _LONGEST_REACH:
                 return None
-            if distance <= _MET:
+            if distance <= _CONTACT_TOLERANCE:
                 return Encounter(name, way, normal) if closing > PASSING else None
             way += distance / (closing if convex else 1.0)
         return None
 
 
 def directions(entry: AxisEntry | None, known: Known) -> Iterator[tuple[int, ...]]:
-    """Which way along an axis to look for its object: groups of signs, the first ones first.
+    """In which direction along an axis to search its object: groups of signs, the first ones first.
 
     Args:
         entry: of the axis; None where the file has none.
@@ -185,7 +185,7 @@ def directions(entry: AxisEntry | None, known: Known) -> Iterator[tuple[int, ...
 
 
 def _sign(entry: AxisEntry | None, known: Known) -> int:
-    """Which way an axis pushes, or else moves; 0 for neither, or where that is not known."""
+    """The sign with which an axis pushes, else moves; 0 for neither, or if unknown."""
     if entry is None:
         return 0
     force = entry.set_point

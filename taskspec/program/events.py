@@ -27,7 +27,7 @@ class Event:
         name: what a user calls it: force, speed, joint_position, `until`, time, travel, ...
         text: the condition as a sentence, with its bound.
         then: the stage that a limit leads to.
-        way: which of the ways on of the stage it leads to, where that ends well.
+        way: the number of the branch of the stage that it takes, where that ends well.
     """
 
     kind: str

@@ -10,7 +10,7 @@ from taskspec.spec import Stage, Task
 def good_end(stages: Mapping[str, Stage], name: str) -> str | None:
     """The stage that follows one that ends as planned; None where the run ends.
 
-    Of several ways on it is the one that is taken where no condition holds.
+    Of several branches it is the one that is taken where no condition holds.
     """
     to = stages[name].ways(_following(stages, name))[-1]
     return to if to in stages else None

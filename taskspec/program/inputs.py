@@ -12,7 +12,7 @@ def input_files(context: Context) -> dict[Path, str | None]:
     """SHA-256 of every file of a task's robot, its tables, and what it includes.
 
     Returns:
-        By the absolute paths; None of a file that was looked for and is not there.
+        By the absolute paths; None of a file that was searched and is not there.
     """
     loaded, robot = context.loaded, context.robot
     base = (loaded.base or Path()).absolute()

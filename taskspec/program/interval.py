@@ -43,7 +43,7 @@ class Interval:
         return self.low > self.high
 
     def meet(self, other: Interval) -> Interval:
-        """What lies in both; its ends are the wrong way round where nothing does."""
+        """What lies in both; its ends are reversed where nothing does."""
         return Interval(max(self.low, other.low), min(self.high, other.high))
 
 

@@ -14,7 +14,7 @@ from taskspec.text.expression.tree import Number
 
 
 def with_kept_forces(context: Context, name: str) -> Stage:
-    """A stage whose kept forces are known, where all stages before it ask for one and the same."""
+    """A stage whose kept forces are known, where all stages before it command one and the same."""
     stage = context.loaded.task.stages[name]
     kept = [a for a, entry in stage.axes.items() if entry.set_point and entry.set_point.kept]
     if not kept:
@@ -31,7 +31,7 @@ def before(task: Task, name: str) -> list[str]:
 
 
 def _known(context: Context, name: str, axis: Axis) -> Expression | None:
-    """What an axis keeps; None where it depends on the way or the time there."""
+    """What an axis keeps; None where it depends on place or time there."""
     values = set(_values(context, name, axis, frozenset({name})))
     if len(values) != 1:
         return None
@@ -45,16 +45,16 @@ def _known(context: Context, name: str, axis: Axis) -> Expression | None:
 
 
 def _values(
-    context: Context, name: str, axis: Axis, seen: frozenset[str]
+    context: Context, name: str, axis: Axis, visited: frozenset[str]
 ) -> Iterator[float | None]:
     """Set points with which stages lead to one [N, N m]; None for one that is not constant."""
     task = context.loaded.task
     for each in before(task, name):
         entry = task.stages[each].axes.get(axis)
         force = None if entry is None else entry.set_point
-        if each in seen:
+        if each in visited:
             continue
         if force is not None and force.kept:
-            yield from _values(context, each, axis, seen | {each})
+            yield from _values(context, each, axis, visited | {each})
         else:
             yield 0.0 if force is None else known_value(context, force.wanted)

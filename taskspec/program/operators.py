@@ -2,7 +2,7 @@
 
 CasADi's Python layer tries of each operand whether it is a matrix of numbers, which takes six times
 as long as the operation. Where one is an expression and the other an expression or a number, the
-operation is known, and the node that it makes is the same, for threads that did not ask for it too.
+operation is known, and the node that it makes is the same, for threads that do not use it too.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ _within = 0
 
 @contextmanager
 def quick_operators() -> Iterator[None]:
-    """Operators of `ca.SX` take the short way until the last that asked for it is done."""
+    """Operators of `ca.SX` take the short cut until the last that uses it is done."""
     _count(1)
     try:
         yield

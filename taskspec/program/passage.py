@@ -23,7 +23,7 @@ class End(Enum):
         DONE: its moves, path and time, or its guard for certain.
         BOUND: `within`, its guard never having been possible.
         STOP: the stop of the held mechanism, at which its guard may hold.
-        OPEN: nothing tells how it goes on from there.
+        OPEN: it is unknown how it goes on from there.
         JOINT: a joint comes to its limit.
         REACH: the arm does not get farther.
         STRAIN: a mechanism does not let an axis go on, and the limit on force is passed.
@@ -147,7 +147,7 @@ class Passage:
     """What an arm goes through in a stage.
 
     Attributes:
-        instants: its start, and some of its way.
+        instants: its start, and some later ones.
         end: what ends it.
         joint: index of the joint that comes to its limit; None for none.
         missed: (6,) by what the arm misses the place where it does not get farther [m, rad].

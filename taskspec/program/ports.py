@@ -66,7 +66,7 @@ def fields(equations: int) -> Fields:
     return (*INTERNAL, *signals(), ("reaction_ref", equations), ("reaction", equations))
 
 
-#: What a stage is asked when it is entered, in this order: name and length.
+#: Inputs of a stage when it is entered, in this order: name and length.
 PROBE: Fields = (
     ("frame", 9),
     ("offset", 3),
@@ -86,11 +86,11 @@ LAW: Fields = (("error", 6), ("force_ref", 6))
 #: What goes from stage to stage, in this order: name and length. The one reference pose of the tip
 #: (p, R by columns) and its velocity (twist), where axes that a force set point has moved are where
 #: they were measured; the wrench that the robot applied on axes with a force set point (held), and
-#: what it was to apply there (asked); all in world axes. Last the angle of a mechanism that the
+#: what was commanded there; all in world axes. Last the angle of a mechanism that the
 #: stage kept track of, and whether the next one keeps track of the same; what a frame that tracks
 #: the force or the motion has in its memory (track), and which of these (tracks, 0 for none).
 HANDED: Fields = (
-    *(("p", 3), ("R", 9), ("twist", 6), ("held", 6), ("asked", 6)),
+    *(("p", 3), ("R", 9), ("twist", 6), ("held", 6), ("commanded", 6)),
     *(("angle", 1), ("same", 1), ("track", 9), ("tracks", 1)),
 )
 

@@ -33,7 +33,7 @@ class SignalTable:
     """The signals of a stage by name.
 
     Attributes:
-        situation: what their formulas are told; grows while the stage is put together.
+        situation: the arguments of their formulas; grows while the stage is put together.
         constants: params and pi by name.
         elsewhere: resolves `signal in FRAME`.
     """
@@ -117,7 +117,7 @@ class Placement:
     at: kinematics.FrameState
 
     def situation(self, axes: tuple[Axis, ...]) -> Situation:
-        """What the formulas of signals are told of the tool, on axes of the frame."""
+        """The arguments of signals' formulas about the tool, on axes of the frame."""
         world, terms = self.world, self.terms
         return Situation(
             axes=axes,

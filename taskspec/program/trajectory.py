@@ -1,4 +1,4 @@
-"""The nominal trajectory of a stage: what its text alone tells of where the tool goes."""
+"""The nominal trajectory of a stage: where the tool goes by the text alone."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from taskspec.program.passage import Passage
 Vector = NDArray[np.float64]
 
 #: Of the difference quotient of a rate [s].
-_INSTANT = 1e-6
-#: Steps of a course among which the fastest is looked for.
-_LOOKS = 201
+_TIME_STEP = 1e-6
+#: Samples of a trajectory among which the fastest is searched.
+_SAMPLES = 201
 #: Shares of a stage's duration, not those at which a sine of a few periods is zero.
 SAMPLES = (0.13, 0.37, 0.61, 0.83, 1.0)
 
 
 def rate_from(way: Way, time: float) -> float:
-    """The rate of a way from a time on [m/s, rad/s]."""
-    return (way(time + _INSTANT) - way(time)) / _INSTANT
+    """The rate of a displacement from a time on [m/s, rad/s]."""
+    return (way(time + _TIME_STEP) - way(time)) / _TIME_STEP
 
 
 def rate_until(way: Way, time: float) -> float:
-    """The rate of a way until a time [m/s, rad/s]."""
-    return (way(time) - way(time - _INSTANT)) / _INSTANT
+    """The rate of a displacement until a time [m/s, rad/s]."""
+    return (way(time) - way(time - _TIME_STEP)) / _TIME_STEP
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Course:
     Attributes:
         duration: until its moves, its path and its time are done [s].
         ways: displacement of each axis against time [m, rad].
-        bends: whether its velocity changes on the way.
+        bends: whether its velocity changes along it.
     """
 
     duration: float
@@ -54,7 +54,7 @@ class Course:
 
     def fastest(self) -> tuple[float, float] | None:
         """When the tip is fastest along the frame's axes [s], and how fast [m/s]; None at rest."""
-        times = np.linspace(0.0, self.duration, _LOOKS)
+        times = np.linspace(0.0, self.duration, _SAMPLES)
         instants = times.tolist()
         ways = [[way(t) for t in instants] for a, way in self.ways.items() if not a.is_rotation]
         if not ways or not self.duration > 0 or not np.isfinite(ways).all():
@@ -67,7 +67,7 @@ class Course:
         """When a motion that turns back is farthest along or against an axis of the frame [s]."""
         if not self.bends or not 0 < self.duration < math.inf:
             return set()
-        times = np.linspace(0.0, self.duration, _LOOKS).tolist()
+        times = np.linspace(0.0, self.duration, _SAMPLES).tolist()
         found = set()
         for axis, way in self.ways.items():
             moved = np.array([way(t) for t in times])
@@ -76,7 +76,7 @@ class Course:
         return found - {0.0}
 
     def instants(self) -> list[float]:
-        """Times at which the arm is looked at [s]: some, when the tip is fastest, and farthest."""
+        """Times at which the arm is sampled [s]: some, when the tip is fastest, and farthest."""
         found, fastest = {share * self.duration for share in SAMPLES}, self.fastest()
         if fastest is not None:
             found.add(fastest[0])
@@ -90,7 +90,7 @@ class Place:
     Attributes:
         words: where in the stage.
         rotation: (3, 3) the stage's frame in the world.
-        q: (n,) joint positions; None where they cannot be told, or where there are none.
+        q: (n,) joint positions; None where they are unknown, or where there are none.
         rates: what is known of the motion axes' velocities, in the frame's axes [m/s, rad/s].
         missed: by how much the tool misses a place out of reach, in words; empty otherwise.
     """
@@ -112,7 +112,7 @@ class Nominal:
         start: (3,) where the tip is then [m]; None where that is unknown.
         coordinates: of the tip in its frame then [m, rad]; None where they are unknown.
         course: how it moves from there; None where that is not planned.
-        places: its start, and samples of its way.
+        places: its start, and samples of its path.
         carried: rates of the reference that is handed over, in its frame's axes [m/s, rad/s].
         passage: what the arm goes through; None where that is unknown.
         unbraked: the course of the same stage from rest, with nothing that is carried to be braked.
@@ -132,7 +132,7 @@ class Nominal:
     about: Passage | None = None
 
     def way(self) -> list[tuple[float, Vector]]:
-        """Times [s] and places of the tip (3,) on the planned way."""
+        """Times [s] and places of the tip (3,) on the planned path."""
         return self._places(self.course)
 
     def lasting(self) -> list[Vector]:

@@ -188,17 +188,17 @@ def draws_of(context: Context) -> dict[Draw, tuple[Component, Variation] | None]
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Something of the world or the robot that is not what the controller is told.
+    """A value of the world or the robot that differs from the nominal one.
 
     Attributes:
         name: path and component, such as `world.table.xyz.z`.
-        told: what the controller is told [SI]; None of what is no number.
+        nominal: that of the controller [SI]; None of what is no number.
         true: what is so [SI]; None of what is no number.
         written: both as text, with their unit.
     """
 
     name: str
-    told: float | None
+    nominal: float | None
     true: float | None
     written: tuple[str, str]
 
@@ -233,30 +233,30 @@ _COMPONENTS = {
 
 
 def deviations(context: Context, world: World) -> tuple[Deviation, ...]:
-    """Where a world is not as the controller is told."""
+    """Where a world differs from the nominal one."""
     parts = dict.fromkeys((*otherwise(context, lambda _: True), *world.values))
-    told = context.loaded.task
+    declared = context.loaded.task
     found = []
     for path, index in parts:
-        was, now = (value_of(context, task, path, index) for task in (told, world.task))
-        dimension = told.target_of(path).dimensions[index or 0]
+        was, now = (value_of(context, task, path, index) for task in (declared, world.task))
+        dimension = declared.target_of(path).dimensions[index or 0]
         name = path if index is None else f"{path}.{component_name(path, index)}"
         written = scaled(was, dimension, 5), scaled(now, dimension, 5)
         found.append(Deviation(name, was, now, written))
-    return (*found, *_otherwise_in_words(told, world.task))
+    return (*found, *_otherwise_in_words(declared, world.task))
 
 
-def _otherwise_in_words(told: Task, true: Task) -> Iterator[Deviation]:
+def _otherwise_in_words(declared: Task, true: Task) -> Iterator[Deviation]:
     """What is otherwise and no number: motions, and the rate of the sensor."""
     for name, shape in true.shapes.items():
-        moves, was = shape.motion, told.shapes[name].motion
+        moves, was = shape.motion, declared.shapes[name].motion
         axes = {} if moves is None else moves.axes
         before = {} if was is None else was.axes
         for axis in dict.fromkeys((*before, *axes)):
             both = tuple(str(each[axis]) if axis in each else "0" for each in (before, axes))
             if both[0] != both[1]:
                 yield Deviation(f"world.{name}.motion.{axis}", None, None, (both[0], both[1]))
-    rates = told.robot.sensor.rate, true.robot.sensor.rate
+    rates = declared.robot.sensor.rate, true.robot.sensor.rate
     if rates[0] != rates[1]:
         was_rate, now_rate = (
             "the controller's" if rate is None else show(rate, "Hz") for rate in rates

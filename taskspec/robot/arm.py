@@ -67,7 +67,7 @@ def arm_key(name: str, section: object, content: Sequence[bytes]) -> str:
 
     Args:
         name: The built-in name, or the stem of the file.
-        section: The task file's `robot`, with a `repr` that tells all of it.
+        section: The task file's `robot`, with a complete `repr`.
         content: Of the robot's files.
     """
     parts = [hashlib.sha256(part).hexdigest() for part in content]

@@ -10,8 +10,8 @@ A body is its pseudo-inertia (Wensing, Kim and Slotine 2018), the 4 x 4 matrix
 
     P = [Sigma  h; h^T  m],    Sigma = int r r^T dm,    h = int r dm,    m = int dm,
 
-which a homogeneous transform X takes to another frame as X P X^T. A hinge about z does not feel the
-entries of P among z and 1, and a slide does not feel Sigma.
+which a homogeneous transform X takes to another frame as X P X^T. A hinge about z does not depend
+on the entries of P among z and 1, and a slide does not depend on Sigma.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class ChainJoint:
         turns: whether it is a hinge.
         rotation, origin: (3, 3), (3,) its frame in the one before, at q = -offset [m].
         offset: what is added to q [rad].
-        body: (4, 4) pseudo-inertia of what it carries, without what it does not feel.
+        body: (4, 4) pseudo-inertia of what it carries, without what it does not depend on.
         armature: inertia of its motor [kg m^2, kg].
     """
 

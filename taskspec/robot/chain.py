@@ -44,7 +44,7 @@ class Chain:
         flange: The flange's pose in that body; z points where the tool goes.
         explicit: Whether the flange was given by a frame rather than taken to be a body's.
         label: The name by which the flange goes.
-        gripping: Names of a gripper's joints: beyond a flange that was looked for, or among the
+        gripping: Names of a gripper's joints: beyond a flange that was searched, or among the
             chain's own where it was named.
         named: Whether the file named the flange.
     """
@@ -62,11 +62,11 @@ def find_chain(m: mujoco.MjModel, flange: FlangeLike | None, coupled: Sequence[s
     """The chain that ends in `flange`, or in the one body that can be meant.
 
     Joints at the end that by their names, or coupled to another one, are a gripper's are no joints
-    of an arm whose flange is looked for.
+    of an arm whose flange is searched.
 
     Args:
         m: The robot's file, compiled.
-        flange: A body, a site or a frame with a pose in it; without a name it is looked for.
+        flange: A body, a site or a frame with a pose in it; without a name it is searched.
         coupled: Names of joints that follow another one, or that another one follows.
 
     Raises:

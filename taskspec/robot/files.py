@@ -46,7 +46,7 @@ class Noted:
     Attributes:
         files: SHA-256 of every file that was read, by its path.
         absent: paths at which none was.
-        whole: whether this is all; a program that expands a file looks where it likes.
+        whole: whether this is all; a program that expands a file searches where it likes.
     """
 
     files: dict[Path, str] = field(default_factory=dict)
@@ -59,7 +59,7 @@ _NOTED: ContextVar[Noted | None] = ContextVar("noted", default=None)
 
 @contextmanager
 def noting_files() -> Iterator[Noted]:
-    """Notes every file of a robot that is read or looked for meanwhile."""
+    """Notes every file of a robot that is read or searched meanwhile."""
     noted = Noted()
     token = _NOTED.set(noted)
     try:
@@ -183,7 +183,7 @@ def mesh_token(number: int, path: Path) -> str:
 def find_mesh(uri: str, folder: Path, roots: Roots) -> Path | None:
     """The file that a mesh's URI means, or None.
 
-    `package://NAME/rest` and `model://NAME/rest` are looked for as `NAME/rest` and `rest` beside
+    `package://NAME/rest` and `model://NAME/rest` are searched as `NAME/rest` and `rest` beside
     the robot's file and in the folders above it, as far as these may hold files of the task.
 
     Args:

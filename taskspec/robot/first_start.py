@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 #: Turns count as this length [m], as singular values of both kinds are compared.
 _LEVER = 0.3
-_DRAWN = 3000
-_POLISHED = 60
+_DRAWS = 3000
+_REFINED_DRAWS = 60
 _TILT = math.radians(0.1)
-_ASLANT = math.radians(30.0)
+_LARGEST_TILT = math.radians(30.0)
 #: Joints keep this share of half their range to a limit, free ones count as centred.
-_ROOM = 0.15
+_LIMIT_MARGIN = 0.15
 #: Gravity takes at most this share of a motor's torque.
 _BORNE = 0.6
 _DOWN = np.diag([1.0, -1.0, -1.0])
@@ -41,8 +41,8 @@ class FirstStart:
         tip: (3,) the tool's tip in the world [m].
         stroke: How far the tip goes along x and y, and half as far along z, with its joints clear
             of their limits [m].
-        force: What every motor can press with besides its weight, at half its torque, along the
-            world's z [N].
+        force: What every motor can press with in addition to its weight, at half its torque, along
+            the world's z [N].
     """
 
     q: Array
@@ -81,13 +81,13 @@ def first_starts(robot: RobotModel) -> Iterator[FirstStart]:
         ranked.append((_worst(robot, q, reach), q))
     ranked.sort(key=lambda each: -each[0])
     found = []
-    for _, drawn in ranked[:_POLISHED]:
+    for _, drawn in ranked[:_REFINED_DRAWS]:
         target = Target(solver.pose(drawn).translation, _DOWN, any_yaw=True)
         q, _ = solver.descend(drawn, target)
         tilt, most = _tilt(solver, q), _TILT
         if len(robot.axes) < 6 and tilt > _TILT:
             # An arm that cannot choose how it holds its tool does as well with it aslant.
-            q, tilt, most = drawn, _tilt(solver, drawn), _ASLANT
+            q, tilt, most = drawn, _tilt(solver, drawn), _LARGEST_TILT
         score = _worst(robot, q, reach)
         if score > 0 and tilt < most:
             found.append((score - 0.1 * tilt, q))
@@ -108,10 +108,10 @@ def _draws(solver: InverseKinematics) -> Iterator[Array]:
     lower = np.maximum(solver.lower, robot.home - np.pi)
     upper = np.minimum(solver.upper, robot.home + np.pi)
     middle, half = (upper + lower) / 2, (upper - lower) / 2
-    # The arm looks ahead with its first turning joint, where that is within its range.
+    # The first turning joint points ahead, where that is within its range.
     first = next((i for i, turns in enumerate(robot.hinges) if turns), 0)
-    for _ in range(_DRAWN):
-        q = middle + (1 - _ROOM) * half * rng.uniform(-1, 1, len(half))
+    for _ in range(_DRAWS):
+        q = middle + (1 - _LIMIT_MARGIN) * half * rng.uniform(-1, 1, len(half))
         if lower[first] <= 0 <= upper[first]:
             q[first] = 0.3 * rng.uniform(max(-1.0, lower[first]), min(1.0, upper[first]))
         yield q
@@ -133,7 +133,7 @@ def _room(robot: RobotModel, q: Array) -> float:
     half = (robot.upper - robot.lower) / 2
     room = np.minimum(q - robot.lower, robot.upper - q)
     limited = np.isfinite(half) & (half > 0)
-    return float(np.min(room[limited] / half[limited], initial=1.0)) - _ROOM
+    return float(np.min(room[limited] / half[limited], initial=1.0)) - _LIMIT_MARGIN
 
 
 def _spare(robot: RobotModel, q: Array) -> float:

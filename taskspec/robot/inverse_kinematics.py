@@ -1,4 +1,4 @@
-"""Joint positions that put the tool tip where it is asked to be."""
+"""Joint positions that put the tool tip at a target pose."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _FURTHER = 100
 _STEP = 0.3
 _LEAST_GAIN = 1e-7
 _RESTARTS = 30
-_NEAR = 1.0
-_ENOUGH = 12
+_NEAR_HOME = 1.0
+_SOLUTIONS_WANTED = 12
 _HOMING = 60
 _MARGIN = 0.005
 _LEAST_DAMPING = 1e-14
@@ -58,7 +58,7 @@ def least_turn(wanted: Array, given: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What the tip is asked for.
+    """The target of the tip.
 
     Attributes:
         position: (3,) [m], world.
@@ -121,8 +121,8 @@ class InverseKinematics:
         """The solution nearest the robot's home, or the best that was found.
 
         Args:
-            target: What the tip is asked for.
-            restarts: From how many drawn configurations it is looked for, besides home.
+            target: The target of the tip.
+            restarts: From how many drawn configurations it is searched, in addition to home.
 
         Returns:
             Joint positions (n,) and the norm of their error, below `SOLVED` when the target is
@@ -138,7 +138,7 @@ class InverseKinematics:
 
     @cached_property
     def _arm(self) -> tuple[object, ...]:
-        """What an answer depends on, besides its question."""
+        """What an answer depends on, in addition to its question."""
         robot = self.robot
         return (
             robot.pin.saveToString(),
@@ -150,10 +150,10 @@ class InverseKinematics:
         )
 
     def _search(self, target: Target, restarts: int) -> tuple[Array, float]:
-        """The solution nearest home, looked for; see `nearest_home`."""
+        """The solution nearest home, by search; see `nearest_home`."""
         home = self.robot.home
         best, least = self.descend(home, target)
-        if least > SOLVED or np.abs(best - home).max() > _NEAR:
+        if least > SOLVED or np.abs(best - home).max() > _NEAR_HOME:
             found = [best] if least <= SOLVED else []
             for start in self._draws(restarts):
                 q, missing = self.descend(start, target, _FURTHER if found else _ITERATIONS)
@@ -161,7 +161,7 @@ class InverseKinematics:
                     best, least = q, missing
                 if missing <= SOLVED:
                     found.append(self._unwound(q))
-                if len(found) == _ENOUGH:
+                if len(found) == _SOLUTIONS_WANTED:
                     break
             if not found:
                 return best, least

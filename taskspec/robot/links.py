@@ -159,7 +159,7 @@ def _hull(m: mujoco.MjModel, mesh: int) -> Iterator[Vector]:
     # Directions all round, by the golden angle.
     k = np.arange(_CORNERS) + 0.5
     polar, turn = np.arccos(1 - 2 * k / _CORNERS), np.pi * (1 + 5**0.5) * k
-    ways = np.column_stack(
+    directions = np.column_stack(
         [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
     )
-    yield from corners[np.unique(np.argmax(corners @ ways.T, axis=0))]
+    yield from corners[np.unique(np.argmax(corners @ directions.T, axis=0))]

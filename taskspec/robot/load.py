@@ -169,7 +169,7 @@ def _made(section: _Section, source: RobotFile) -> RobotModel:
 def _compiled(
     robot: RobotLike, description: Description
 ) -> tuple[KnownArm, tuple[mujoco.MjSpec, mujoco.MjModel]]:
-    """The arm that a description tells, and MuJoCo's specification and model of it."""
+    """The arm of a description, and MuJoCo's specification and model of it."""
     m = description.model
     chain = find_chain(m, robot.flange, (*description.mimics, *description.followed))
     joints = list(chain.joints)

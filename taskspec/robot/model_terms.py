@@ -1,7 +1,7 @@
 """The robot's model terms: what a tick reads of them, and Pinocchio's numbers for it.
 
 `symbols` gives the tick's inputs, `ModelTerms` arrays that fill them. Pinocchio judges: starts,
-rules and tests ask `PinocchioTerms`. The loop evaluates `rigid_body.RigidBody`, the same terms as
+rules and tests use `PinocchioTerms`. The loop evaluates `rigid_body.RigidBody`, the same terms as
 expressions, which a function of the loop's own can take in.
 """
 

@@ -78,12 +78,12 @@ def _read_file(path: Path, shown: str, roots: Roots) -> RobotFile:
 
 def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: str) -> RobotFile:
     check_growth(root, shown)
-    mended = check_urdf(root)
+    repaired = check_urdf(root)
     drawn = drawable(root, roots, meshes=True)
     mimics, followed = urdf_mimics(root), urdf_followed(root)
 
     def describe() -> Description:
-        notes = list(mended)
+        notes = list(repaired)
         m = _compile(
             shown,
             lambda meshes: urdf_spec(drawn if meshes else drawable(root, roots, meshes=False)),
@@ -107,15 +107,15 @@ def _mjcf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: 
         check_numbers(m, shown)
         return Description(name, m, shown, velocity_limits(m), notes=tuple(notes))
 
-    # Which files are meant MuJoCo alone can tell.
+    # Only MuJoCo knows which files are meant.
     alone = not any("file" in key for element in root.iter() for key in element.attrib)
     return RobotFile(name, (text.encode(),) if alone else None, describe)
 
 
 def _compile(shown: str, make: MakeSpec, notes: list[str]) -> mujoco.MjModel:
-    """Compiles what `make` makes, without meshes or with mended inertias if it takes that.
+    """Compiles what `make` makes, without meshes or with repaired inertias if it takes that.
 
-    What was left out or mended is added to `notes`.
+    What was left out or repaired is added to `notes`.
     """
     meshes, balance = True, False
     while True:

@@ -18,7 +18,7 @@ _PLAIN = frozenset({"robot", "scene", "model", "arm", "urdf", "mjcf", "xml", "ro
 _ENDINGS = (".urdf.xacro", ".xacro", ".urdf", ".xml", ".mjcf")
 _JOINT = re.compile(rb"<joint\b")
 _ROOT = re.compile(rb"<(robot|mujoco)\b")
-_LARGEST = 8 * 2**20
+_LARGEST_FILE = 8 * 2**20
 _FEWEST_JOINTS = 2
 
 
@@ -119,7 +119,7 @@ def _robots(package: str) -> tuple[Packaged, ...] | None:
 
 
 def _name(path: Path) -> str:
-    """The file's name without its ending and `_robot`, or that of the folder that tells more."""
+    """The file's name without its ending and `_robot`, or that of the folder that says more."""
     stem = next(path.name.removesuffix(end) for end in _ENDINGS if path.name.endswith(end))
     stem = stem.removesuffix("_robot")
     folders = (folder.name.removesuffix("_description") for folder in path.parents)
@@ -129,7 +129,7 @@ def _name(path: Path) -> str:
 def _is_robot(path: Path) -> bool:
     """Whether a file describes something with joints; those that others include do not."""
     try:
-        if path.stat().st_size > _LARGEST:
+        if path.stat().st_size > _LARGEST_FILE:
             return False
         data = path.read_bytes()
     except OSError:

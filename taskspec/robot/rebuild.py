@@ -33,7 +33,7 @@ class Rebuilt:
     """The clean arm.
 
     Attributes:
-        spec: Bodies, chain joints and looks; no tool and no motors yet.
+        spec: Bodies, chain joints and geoms; no tool and no motors yet.
         carrier: The body that carries the flange.
         joint_names: Names of the chain's joints, in order.
         body_names: Names of all bodies.

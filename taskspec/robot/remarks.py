@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 #: What is nearer to the last joint's axis than this does not say where the arm points [m].
-_SHORT = 0.005
+_SHORTEST_OFFSET = 0.005
 #: Cosine of 60 deg, beyond which z points elsewhere.
-_ELSEWHERE = 0.5
+_AXIS_COSINE = 0.5
 #: Turns that make z of a frame one of its other axes, as a task file writes them.
 _TURNS = {
     (1, 0, 0): "[0, 90 deg, 0]",
@@ -74,7 +74,7 @@ def _direction(m: mujoco.MjModel, chain: Chain, home: Array) -> Iterator[FileRem
     if outwards is None:
         return
     cosine = float(outwards[2]) / math.sqrt(outwards @ outwards)
-    if cosine >= _ELSEWHERE:
+    if cosine >= _AXIS_COSINE:
         return
     nearest = np.zeros(3, dtype=int)
     i = int(np.abs(outwards).argmax())
@@ -109,7 +109,7 @@ def _outwards(m: mujoco.MjModel, chain: Chain, home: Array) -> Array | None:
     flange = pose(data.xpos[chain.body], data.xquat[chain.body]) * chain.flange
     moved = int(m.jnt_bodyid[last])
     middle = flange.translation
-    if math.dist(middle, data.xanchor[last]) > _SHORT:
+    if math.dist(middle, data.xanchor[last]) > _SHORTEST_OFFSET:
         pass
     elif m.body_subtreemass[moved] > 1e-6:
         middle = data.subtree_com[moved]
@@ -121,7 +121,7 @@ def _outwards(m: mujoco.MjModel, chain: Chain, home: Array) -> Array | None:
     found: Array = flange.rotation.T @ (middle - data.xanchor[last])
     size = math.sqrt(found @ found)
     # A drive that lies behind its own flange is usual, and so is a flange behind its joint's frame.
-    return None if size < _SHORT or found[2] < -_ELSEWHERE * size else found
+    return None if size < _SHORTEST_OFFSET or found[2] < -_AXIS_COSINE * size else found
 
 
 def _below(m: mujoco.MjModel, body: int, above: int) -> bool:

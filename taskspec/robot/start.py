@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 _POSITION_FIRST = 300.0
 _ROTATION_FIRST = 0.003
-_FEWER = 10
-_FAR = 100.0
+_FEWER_RESTARTS = 10
+_FARTHEST_TARGET = 100.0
 
 
 def solve_start(
@@ -54,15 +54,15 @@ def solve_start(
         xyz: (3,) position of the tool tip in the world [m].
         rpy: (3,) orientation of the tip frame in the world [rad]. None points the tool of an arm
             that can turn it about every axis straight down, turned about the vertical as at home
-            or, where that is out of reach, in another way; it leaves other arms free. Of a planar
-            arm's tool the yaw is the direction in the plane, counted from x; roll and pitch are
-            zero.
+            or, where that is out of reach, with another orientation; it leaves other arms free. Of
+            a planar arm's tool the yaw is the direction in the plane, counted from x; roll and
+            pitch are zero.
         joints: (n,) joint positions instead [rad or m]; those that carry a dimension have to be
             angles for hinges and lengths for slides.
 
     Returns:
         Joint positions (n,) inside the limits: the solution nearest home whose pose is exact to
-        1e-9 m and 1e-9 rad; home itself when nothing is asked for.
+        1e-9 m and 1e-9 rad; home itself when nothing is given.
 
     Raises:
         RobotError: TS411 for joint positions that do not fit, TS412 for a position out of reach,
@@ -82,13 +82,13 @@ def solve_start(
     q, missing = solver.nearest_home(target)
     if missing <= SOLVED:
         return q
-    closest, short = solver.nearest_home(Target(target.position), _FEWER)
+    closest, short = solver.nearest_home(Target(target.position), _FEWER_RESTARTS)
     if short > SOLVED:
         raise _out_of_reach(model, solver, closest, position)
     spatial = "z" in model.axes
     if spatial:
         turned = replace(target, any_yaw=True)
-        q, missing = solver.nearest_home(turned, _FEWER)
+        q, missing = solver.nearest_home(turned, _FEWER_RESTARTS)
         if missing <= SOLVED:
             if rpy is None:
                 return q
@@ -98,12 +98,12 @@ def solve_start(
 
 
 def _aim(model: RobotModel, position: Array) -> Array:
-    """The point (3,), or one that way 100 m from the first joint if it is farther than that."""
+    """The point (3,), brought to 100 m from the first joint if it is farther away."""
     base = model.pin.jointPlacements[1].translation
     distance = math.dist(position, base)
-    if distance <= _FAR:
+    if distance <= _FARTHEST_TARGET:
         return position
-    aim: Array = base + (position - base) * (_FAR / distance)
+    aim: Array = base + (position - base) * (_FARTHEST_TARGET / distance)
     return aim
 
 
@@ -156,7 +156,7 @@ def _other_yaw(solver: InverseKinematics, target: Target, q: Array) -> RobotErro
 
 
 def _turned(solver: InverseKinematics, target: Target, q: Array, *, given: bool) -> RobotError:
-    """The error of a point that is reached, at `q` (n,), but not with the tool as asked."""
+    """The error of a point that is reached, at `q` (n,), but not with the orientation given."""
     q, _ = solver.descend(q, replace(target, weight=_POSITION_FIRST))
     short = np.degrees(np.linalg.norm(solver.error(q, target)[3:]))
     orientation = "as rpy asks" if given else "straight down"

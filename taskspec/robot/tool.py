@@ -1,4 +1,4 @@
-"""The tool: its tip, the spheres it touches with, its mass, its looks."""
+"""The tool: its tip, the spheres it touches with, its mass, its geoms."""
 
 from __future__ import annotations
 

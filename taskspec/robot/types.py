@@ -134,7 +134,7 @@ class ToolBody:
 
 
 class MujocoArm:
-    """An arm as MuJoCo's specification and model, made when something first asks for them."""
+    """An arm as MuJoCo's specification and model, made at their first use."""
 
     def __init__(self, make: Callable[[], tuple[mujoco.MjSpec, mujoco.MjModel]]) -> None:
         """Takes what makes them; it is called once at most."""
@@ -184,7 +184,7 @@ class RobotModel:
         notes: What was left out of the robot's file, or changed, one sentence each.
         remarks: What is worth saying of the file, for rules.
         files: SHA-256 of every file that was read for it, by its path; of a built-in robot none.
-        absent: Paths at which files were looked for in vain; None where a program has looked.
+        absent: Paths at which files were searched in vain; None where a program has searched.
     """
 
     name: str

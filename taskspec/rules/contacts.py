@@ -18,12 +18,12 @@ from taskspec.text.units import show
 def nothing_ahead(stage: StagePlan) -> Iterator[Finding]:
     """A force on an axis along which the tool meets nothing that would return it."""
     context = stage.context
-    if stage.gripped or context.equations or not context.touchable_gaps:
+    if stage.contacts.gripped or context.equations or not context.touchable_gaps:
         return
-    for axis in stage.forces:
+    for axis in stage.contacts.forces:
         expression = stage.spec.axes[axis].force
         wanted = None if expression is None else known_value(context, expression)
-        if stage.contacts[axis] is not None or not wanted or _over_a_cut(stage):
+        if stage.contacts.by_axis[axis] is not None or not wanted or _over_a_cut(stage):
             continue
         yield warning(
             "TS327",
@@ -37,6 +37,6 @@ def nothing_ahead(stage: StagePlan) -> Iterator[Finding]:
 
 def _over_a_cut(stage: StagePlan) -> bool:
     """Whether a stage starts over a cut, whose walls return forces that nothing else does."""
-    p, _ = stage.tool
+    p, _ = stage.kinematics.tool
     cuts = [s for s in stage.context.surfaces.values() if isinstance(s, CutPlate)]
     return any(float(ca.evalf(each.beside(each.local(ca.SX(p))))) < 0 for each in cuts)

@@ -195,12 +195,12 @@ def _is_peak(task: TaskPlan, reduced: Reduce, name: Name, *, from_above: bool) -
     stage = _stage_of(task.context, name)
     plan = None if stage is None else task.framed.get(stage)
     axis = as_axis(name.path[-1])
-    if arg != name or plan is None or plan.approached is None or name.frame is not None:
+    if arg != name or plan is None or plan.contacts.approached is None or name.frame is not None:
         return False
     if axis is None or axis.is_rotation:
         return from_above and reduced.reducer == "max"
     # The robot applies a force against the normal.
-    way = -plan.along(axis, plan.normal_of(plan.approached))
+    way = -plan.kinematics.along(axis, plan.contacts.normal(plan.contacts.approached))
     if abs(way) < MOSTLY:
         return False
     return reduced.reducer == ("max" if way > 0 else "min") and from_above == (way > 0)
@@ -397,9 +397,9 @@ def _ends_by_touch(stage: StagePlan) -> bool:
     """Whether a stage comes from free space, by a motion alone, and ends as soon as it touches."""
     gap, until = stage.nominal.gap, stage.spec.until
     pushes = any(plan.set_point for plan in stage.plans.values()) or stage.spec.constraints
-    if until is None or isinstance(until.tree, Held) or pushes or stage.held:
+    if until is None or isinstance(until.tree, Held) or pushes or stage.contacts.held:
         return False
-    if stage.approached is None or (gap is not None and gap < AT_SURFACE):
+    if stage.contacts.approached is None or (gap is not None and gap < AT_SURFACE):
         return False
     sensed = {"force", "torque", "touching"}
     return any(sensed & {*name.path} for name in names(until.tree))

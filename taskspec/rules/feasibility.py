@@ -16,7 +16,7 @@ from taskspec.rules import Finding, rule, warning
 from taskspec.spec import FILE, key_of
 from taskspec.statics.forces import TORQUE, statics
 from taskspec.statics.rates import VELOCITY, motion
-from taskspec.statics.rows import Cause, RowSystem
+from taskspec.statics.rows import RowCause, RowSystem
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import show
 
@@ -42,7 +42,7 @@ def contradictions(stage: StagePlan) -> Iterator[Finding]:
         finding = None
         if place.missed:
             continue
-        if stage.set_points or len(places) > 1:
+        if stage.set_points.constant or len(places) > 1:
             finding = _contradiction(stage, place, *statics(stage, place))
         if finding is None and place.q is not None and any(place.rates.values()):
             finding = _contradiction(stage, place, *motion(stage, place))
@@ -139,7 +139,7 @@ def _kept(system: RowSystem, reached: Vector) -> list[int]:
     return joints + [i for i, cause in enumerate(system.causes) if cause.kind in _GIVEN]
 
 
-def _severity(stage: StagePlan, against: Sequence[Cause]) -> Severity:
+def _severity(stage: StagePlan, against: Sequence[RowCause]) -> Severity:
     """An error is what arm or contact cannot give to a closed form that counts on it.
 
     Limits stop the run when it gets there, a quadratic program gives the closest that is
@@ -152,13 +152,13 @@ def _severity(stage: StagePlan, against: Sequence[Cause]) -> Severity:
     return Severity.ERROR if refused and law.solve == "closed-form" else Severity.WARNING
 
 
-def _causes(system: RowSystem, certificate: Certificate) -> list[Cause]:
+def _causes(system: RowSystem, certificate: Certificate) -> list[RowCause]:
     """The causes of a certificate's rows, those that weigh most first."""
     order = np.argsort(-np.abs(certificate.multipliers), kind="stable")
     return list(dict.fromkeys(system.causes[certificate.rows[i]] for i in order))
 
 
-def _opponents(causes: Sequence[Cause]) -> tuple[list[Cause], list[str]]:
+def _opponents(causes: Sequence[RowCause]) -> tuple[list[RowCause], list[str]]:
     """What stands against the wishes, and under which contacts where it is not these alone."""
     against = [cause for cause in causes if cause.kind not in (*_COMMANDED, "hold")]
     contacts = [cause for cause in against if cause.kind in ("contact", "face")]
@@ -176,7 +176,7 @@ def _listed(words: Sequence[str]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
-def _opposed(against: Sequence[Cause]) -> str:
+def _opposed(against: Sequence[RowCause]) -> str:
     """What stands against the wishes; limits of joints together."""
     words = [cause.text for cause in against if cause.kind not in (TORQUE, VELOCITY)]
     for kind in (TORQUE, VELOCITY):
@@ -187,7 +187,7 @@ def _opposed(against: Sequence[Cause]) -> str:
     return _listed(words)
 
 
-def _hint(system: RowSystem, wanted: Sequence[Cause], against: Sequence[Cause]) -> str:
+def _hint(system: RowSystem, wanted: Sequence[RowCause], against: Sequence[RowCause]) -> str:
     """What would help, and how much of a single wish is possible."""
     ways = list(dict.fromkeys(cause.remedy for cause in (*wanted, *against)))
     hint = f"{', '.join(ways[:-1])} or {ways[-1]}"
@@ -200,7 +200,7 @@ def _hint(system: RowSystem, wanted: Sequence[Cause], against: Sequence[Cause]) 
     return f"{hint}; no more than {most} is possible here"
 
 
-def _possible(system: RowSystem, wanted: Cause) -> float:
+def _possible(system: RowSystem, wanted: RowCause) -> float:
     """Largest share of what a line asks for that the others allow, 0 to 1."""
     A, lower, upper = system.arrays()
     rows = [i for i, cause in enumerate(system.causes) if cause == wanted]

@@ -300,9 +300,10 @@ def _presses(stage: StagePlan) -> bool:
     loop, a soft one, and one whose place is given along the normal of what it meets; a velocity
     there is an approach.
     """
-    if stage.gripped or any(stage.known(p.wanted) != 0 for p in stage.spec.constraints.values()):
+    constrained = stage.spec.constraints.values()
+    if stage.contacts.gripped or any(stage.known(p.wanted) != 0 for p in constrained):
         return True
-    if any(stage.set_point_of(axis) != 0 for axis in stage.forces):
+    if any(stage.set_points.of(axis) != 0 for axis in stage.contacts.forces):
         return True
     if stage.joint_path is not None:
         return False
@@ -327,7 +328,7 @@ def tracking_frames(stage: StagePlan) -> Iterator[Finding]:
     if tracking.of == "velocity":
         yield from _tracked_motion(stage, tracking)
         return
-    pressed = {a: stage.set_point_of(a) for a in stage.forces}
+    pressed = {a: stage.set_points.of(a) for a in stage.contacts.forces}
     astray = [a for a in pressed if a is not Axis.Z and pressed[a]]
     if astray and not pressed.get(Axis.Z):
         yield warning(
@@ -379,14 +380,14 @@ def _tracked_motion(stage: StagePlan, tracking: DirectionTracking) -> Iterator[F
             FILE.stages[stage.name].axes[Axis.X],
             f"go faster, or lower the floor of {frame.name!r}",
         )
-    for axis in stage.forces:
-        if axis in stage.contacts and rate:
+    for axis in stage.contacts.forces:
+        if axis in stage.contacts.by_axis and rate:
             yield from _left_behind(stage, tracking, axis)
 
 
 def _left_behind(stage: StagePlan, tracking: DirectionTracking, pressed: Axis) -> Iterator[Finding]:
     """Whether the surface that the file declares turns faster than the frame can."""
-    name, context = stage.contacts.get(pressed), stage.context
+    name, context = stage.contacts.by_axis.get(pressed), stage.context
     shape = context.loaded.task.shapes.get(name or "")
     if shape is None or shape.motion is not None:
         return

@@ -89,10 +89,13 @@ def _signs(stage: StagePlan) -> dict[str, Interval]:
         return {}
     signs = {}
     for axis in stage.spec.axes:
-        contact = stage.contact_of(axis) if axis in stage.translations else None
+        contact = stage.contacts.of(axis) if axis in stage.translations else None
         if contact is None:
             continue
-        along = {o: stage.along(axis, stage.normal_of(o)) for o in stage.context.start_normals}
+        along = {
+            o: stage.kinematics.along(axis, stage.contacts.normal(o))
+            for o in stage.context.start_normals
+        }
         own = along[contact]
         towards = _direction(stage, axis)
         others = any(a * own < -_SLIGHTLY * abs(own) for a in along.values())
@@ -107,7 +110,7 @@ def _signs(stage: StagePlan) -> dict[str, Interval]:
 def _direction(stage: StagePlan, axis: Axis) -> float:
     """Which way along an axis a stage moves or presses, as far as it is constant; else 0."""
     heading = stage.spec.axes[axis].mode.heading(stage.known)
-    return heading if heading is not None else stage.set_point_of(axis) or 0.0
+    return heading if heading is not None else stage.set_points.of(axis) or 0.0
 
 
 def _wrong_sign(name: str, guard: Expression, signs: dict[str, Interval]) -> Finding:

@@ -34,7 +34,7 @@ def implausible_friction(task: TaskPlan) -> Iterator[Finding]:
 def implausible_depth(stage: StagePlan) -> Iterator[Finding]:
     """A force that deforms its contact farther than contacts give way."""
     for axis, entry in stage.spec.axes.items():
-        contact = stage.contact_of(axis) if axis in stage.axes else None
+        contact = stage.contacts.of(axis) if axis in stage.axes else None
         force = None if axis.is_rotation else entry.set_point
         if contact is None or contact not in stage.context.compliances or force is None:
             continue
@@ -43,7 +43,10 @@ def implausible_depth(stage: StagePlan) -> Iterator[Finding]:
             continue
         stiffness = stage.context.compliances[contact].stiffness
         depth = abs(wanted) / stiffness
-        if abs(stage.along(axis, stage.normal_of(contact))) < MOSTLY or depth < _DEEPEST:
+        if (
+            abs(stage.kinematics.along(axis, stage.contacts.normal(contact))) < MOSTLY
+            or depth < _DEEPEST
+        ):
             continue
         yield warning(
             "TS129",

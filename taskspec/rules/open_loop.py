@@ -79,8 +79,8 @@ def _surfaceless(stage: StagePlan) -> bool:
 
     A force may also press on an equation of the world.
     """
-    alone = stage.contact is None and not stage.gripped
-    borne = stage.bearers
+    alone = stage.contacts.main is None and not stage.contacts.gripped
+    borne = stage.environment.bearers
     return alone and not all(a.is_rotation or a in borne for a in _open_loop(stage))
 
 
@@ -89,11 +89,11 @@ def _span(stage: StagePlan, axis: Axis) -> tuple[float, float] | None:
 
     From (4.26), (4.27) with the reference f (1/k_m + 1/k) below the nominal surface.
     """
-    contact, value = stage.contact_of(axis), stage.set_point_of(axis)
+    contact, value = stage.contacts.of(axis), stage.set_points.of(axis)
     own = value_of(stage.gains, "stiffness", axis)
     if contact is None or value is None or own == 0:
         return None
-    k, context = stage.stiffness_of(axis), stage.context
+    k, context = stage.environment.stiffness_of(axis), stage.context
     told = context.surfaces[contact].origin
     (stiffness,) = _ends(context, f"world.{contact}.stiffness", [k])
     places = _ends(context, f"world.{contact}.xyz", list(told))

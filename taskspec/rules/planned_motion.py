@@ -30,14 +30,14 @@ _FLAT = 1e-3
 @rule("TS321", "a motion into a surface", predicts=("TS321",))
 def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
     """Motion axes that lead into the nominal contact, and how hard they press."""
-    contact, walked = stage.contact, stage.nominal
+    contact, walked = stage.contacts.main, stage.nominal
     if not _way(stage) or contact is None or walked.gap is None or walked.start is None:
         return
     if stage.frame.at_origin or not stage.translations:
         return
     if stage.context.loaded.task.shapes[contact].on is not None:
-        return  # It goes on its mechanism's way: what then resists is run ahead.
-    normal = stage.normal_of(contact)
+        return  # It goes on its mechanism's way: what then resists the trial shows.
+    normal = stage.contacts.normal(contact)
     along = {a: abs(float(walked.rotation[:, a.column] @ normal)) for a in stage.translations}
     axis = max(along, key=lambda a: along[a])
     entry = stage.spec.axes.get(axis)
@@ -48,7 +48,7 @@ def motions_into_a_surface(stage: StagePlan) -> Iterator[Finding]:
     if depth <= max(0.0, begun) or (entry is not None and entry.stiffness is not None):
         return
     own = stage.spring_of(axis)
-    k = stage.stiffness
+    k = stage.environment.stiffness
     force = depth * own * k / (own + k)
     if force > TOUCHING:
         yield warning(

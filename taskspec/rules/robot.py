@@ -197,7 +197,7 @@ def pointing_away(stage: StagePlan) -> Iterator[Finding]:
     A force of the stage, or a motion until something is felt, would have to go through the tool's
     stem. A ball that touches with its side is no such tool.
     """
-    context, contact = stage.context, stage.contact
+    context, contact = stage.context, stage.contacts.main
     touches = stage.spec.until is not None or any(e.has_force for e in stage.spec.axes.values())
     if contact is None or not touches or context.loaded.task.robot.grasp is not None:
         return

@@ -20,12 +20,12 @@ from taskspec.text.units import FORCE, in_si, show
 @rule("TS308", "a pull on a surface that can only push", phase=Phase.AXES)
 def pulls(stage: StagePlan) -> Iterator[Finding]:
     """Constant set points that a surface, or an equation, can never return."""
-    for axis, value in stage.set_points.items():
-        along = stage.facing(axis)
+    for axis, value in stage.set_points.constant.items():
+        along = stage.contacts.facing(axis)
         if abs(along) > MOSTLY and value * along > 0:
             yield warning(
                 "TS308",
-                f"{value:g} N along {axis!r} pulls on {stage.contact_of(axis)!r}, which can only "
+                f"{value:g} N along {axis!r} pulls on {stage.contacts.of(axis)!r}, which can only "
                 "push back",
                 FILE.stages[stage.name].axes[axis].force,
                 "forces are what the robot applies: pressing goes against the outward normal",
@@ -52,7 +52,9 @@ def limited_set_points(stage: StagePlan) -> Iterator[Finding]:
     if most is None:
         return
     own = FILE.stages[stage.name]
-    values = [(v, own.axes[a].force) for a, v in stage.set_points.items() if not a.is_rotation]
+    values = [
+        (v, own.axes[a].force) for a, v in stage.set_points.constant.items() if not a.is_rotation
+    ]
     values += [
         (value, place)
         for equation, value, place in _on_equations(stage)
@@ -80,7 +82,7 @@ def long_ramps(stage: StagePlan) -> Iterator[Finding]:
     time = stage.spec.time
     if time is None or stage.spec.until is not None:
         return
-    for axis in stage.set_points:
+    for axis in stage.set_points.constant:
         force = stage.spec.axes[axis].set_point
         if force is not None and force.rise > time:
             key = axis.effort if force.ramp is None else "ramp"
@@ -104,8 +106,8 @@ def presses_in_the_air(stage: StagePlan) -> Iterator[Finding]:
         at = "" if not math.isfinite(speed) else f" at up to {show(speed, 'mm/s', 2)}"
         yield warning(
             "TS615",
-            f"stage {stage.name!r} presses {show(gap, 'mm', 3)} off {stage.contact!r}: nothing "
-            f"returns the force, and the tool goes there{at}",
+            f"stage {stage.name!r} presses {show(gap, 'mm', 3)} off {stage.contacts.main!r}: "
+            f"nothing returns the force, and the tool goes there{at}",
             FILE.stages[stage.name].axes[axis].force,
             "let a stage before it touch: a velocity until a force is measured",
         )
@@ -116,13 +118,17 @@ def in_the_air(stage: StagePlan) -> Iterator[tuple[Axis, float, float]]:
     law, gap = stage.law.control_law, stage.nominal.gap
     if gap is None or not law.force_loop:
         return
-    for axis, value in stage.set_points.items():
+    for axis, value in stage.set_points.constant.items():
         entry = stage.spec.axes[axis]
         force = entry.set_point
         if force is None or entry.mode.travels:
             continue
-        along = stage.facing(axis)
-        if stage.contact_of(axis) != stage.contact or abs(along) < MOSTLY or value * along > 0:
+        along = stage.contacts.facing(axis)
+        if (
+            stage.contacts.of(axis) != stage.contacts.main
+            or abs(along) < MOSTLY
+            or value * along > 0
+        ):
             continue
         damping = law.loop_damping(on_axis(stage.gains, axis))
         if gap * damping > abs(value) * force.rise / 2:

@@ -133,10 +133,10 @@ def _no_references(stage: StagePlan, path: tuple[str, ...]) -> str | None:
 
 def _no_gap(stage: StagePlan) -> str | None:
     """Why `gap` is the distance from no object, None if it is."""
-    if stage.contact is None:
+    if stage.contacts.main is None:
         return "there is no object in the world to have a gap to"
-    if stage.gap_contact is None:
-        names = " or ".join(f"{contact}.gap" for contact in stage.force_contacts)
+    if stage.contacts.of_gap is None:
+        names = " or ".join(f"{contact}.gap" for contact in stage.contacts.of_forces)
         return f"the forces of this stage press on several objects: write {names}"
     return None
 

@@ -142,7 +142,7 @@ def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
         if stage.joint_path is not None:
             continue  # Of a path of joints it is that of its law, whatever is near.
         if stage.frame.tracking is not None:
-            continue  # Its axes turn with what it feels: it is run ahead.
+            continue  # Its axes turn with what it feels: the trial shows them.
         of_this = replace(shared, swings_for=lasting[control])
         try:
             if control in controls:
@@ -198,7 +198,7 @@ def _where_it_leads(
 ) -> Iterator[Finding] | None:
     """What is unstable where the way of a stage leads, if that is far; None where nothing is."""
     passage = stage.nominal.passage if stage.followed else None
-    if passage is None or not (analysed.pressed or stage.held):
+    if passage is None or not (analysed.pressed or stage.contacts.held):
         return None
     if passage.end not in _GOES_THERE:
         return None  # What stops the run on its way is told by itself.
@@ -258,7 +258,7 @@ def _unresolved(analysed: SampledStage, here: Instant) -> Iterator[Finding]:
 
 def _stays_off(stage: StagePlan, analysed: SampledStage) -> bool:
     """Whether a stage never gets to the only contact that it is analysed on."""
-    if not stage.followed or [*analysed.pressed] != [stage.contact]:
+    if not stage.followed or [*analysed.pressed] != [stage.contacts.main]:
         return False
     return any(gap > speed * stage.longest for _, gap, speed in in_the_air(stage))
 
@@ -302,7 +302,7 @@ def _in_the_world_of_the_file(
     if stuck is None:
         return None
     found = [mode for mode in _swinging(sticking, shared) if not _flips(mode, analysed)]
-    pushed = analysed.stage.plan.set_points
+    pushed = analysed.stage.plan.set_points.constant
     ringing = ringing_of(
         [m for m in found if stuck.axis(m, sticking) in pushed or rings(m, _QUICK_STUCK)]
     )
@@ -358,13 +358,13 @@ def stays_put(analysed: SampledStage) -> bool:
     forced = [
         a for a in stage.translations if a in stage.spec.axes and stage.spec.axes[a].has_force
     ]
-    wanted = [stage.set_point_of(axis) for axis in forced]
+    wanted = [stage.set_points.of(axis) for axis in forced]
     if None in wanted or len(analysed.pressed) != 1:
         return False
     [name] = analysed.pressed
     if not forced or name not in context.surfaces:
         return False
-    normal = stage.normal_of(name)
+    normal = stage.contacts.normal(name)
     ways = np.vstack([-normal, np.linalg.svd(normal[None, :])[2][1:]])
     rows = (ways @ analysed.rotation[:, [axis.row for axis in forced]]).T
     # Of all such forces the one that is least across: along the normal it counts for nothing.
@@ -398,7 +398,8 @@ def _in_contact(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
 
 def _in_other_worlds(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
     """The worst world that `truth` and `vary` allow, if the stage is unstable or rings there."""
-    objects = [*analysed.pressed, *([analysed.stage.plan.held] if analysed.stage.plan.held else [])]
+    held = analysed.stage.plan.contacts.held
+    objects = [*analysed.pressed, *([held] if held else [])]
     unstable: tuple[float, Corner] | None = None
     ringing: tuple[float, Corner] | None = None
     for corner in corners(shared.context, objects, shared.worlds):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from taskspec.shapes.surface import Vector
 
 #: What is flatter has hardly a side [rad].
-_MOST = 170 * math.pi / 180
+_LARGEST_ANGLE = 170 * math.pi / 180
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Groove(CutPlate):
             description="Between the flanks of a groove",
             example="90 deg",
             shown=("90 deg",),
-            most=_MOST,
+            most=_LARGEST_ANGLE,
         ),
         DEPTH,
         LENGTH_OF,
@@ -81,7 +81,7 @@ class Groove(CutPlate):
         beyond = ca.fabs(x[1]) - self.edge
         return beyond if self.length is None else ca.fmax(beyond, ca.fabs(x[0]) - self.length / 2)
 
-    def seen(self, reach: float, thickness: float) -> Sequence[Vector]:
+    def drawn(self, reach: float, thickness: float) -> Sequence[Vector]:
         """The profile, drawn along x; or rings from the plate's edge down to the bottom."""
         if self.length is not None:
             end = self.length / 2

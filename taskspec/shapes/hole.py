@@ -83,21 +83,21 @@ class Hole(CutPlate):
         within = ca.fmin(a / 2 - ca.fabs(x[0]), b / 2 - ca.fabs(x[1]))
         return ca.fmin(beyond, within)
 
-    def seen(self, reach: float, thickness: float) -> Sequence[Vector]:
+    def drawn(self, reach: float, thickness: float) -> Sequence[Vector]:
         """Rings from the plate's square edge down to the bore's bottom."""
         edge = self.radius + self.chamfer
         angle = -2 * np.pi * np.arange(_ROUND + 1) / _ROUND
-        way = np.column_stack((np.cos(angle), np.sin(angle)))
+        direction = np.column_stack((np.cos(angle), np.sin(angle)))
         half = np.full(2, edge + reach)
         low = -max(thickness, self.depth + 0.005)
         if self.size is not None:
             half, low = np.array(self.size[:2]) / 2, -self.size[2]
-        square = way / np.abs(way / half).max(axis=1, keepdims=True)
+        square = direction / np.abs(direction / half).max(axis=1, keepdims=True)
         rings = [
-            (square, low), (square, 0.0), (edge * way, 0.0), (self.radius * way, -self.chamfer),
-            (self.radius * way, -self.depth), (0 * way, -self.depth),
+            (square, low), (square, 0.0), (edge * direction, 0.0), (self.radius * direction,
+            -self.chamfer), (self.radius * direction, -self.depth), (0 * direction, -self.depth),
         ]  # fmt: skip
         lines = [np.column_stack((ring, np.full(len(ring), z))) for ring, z in rings]
-        under = np.column_stack((0 * way, np.full(len(way), low)))
+        under = np.column_stack((0 * direction, np.full(len(direction), low)))
         lines = [under, *lines]
         return [line for pair in pairwise(lines) for line in pair]

@@ -236,26 +236,26 @@ def _least(t: Vector, b: Vector, work: Vector) -> float:
     Its gradient is how far the support points are apart, g (3..5); its second derivative, across
     the normal, is H - g.n.
     """
-    n, g, m, other, ways = work, work[3:], work[12:], work[15:], work[24:]
+    n, g, m, other, tangents = work, work[3:], work[12:], work[15:], work[24:]
     depth = _along(t, b, n, g)
     damping = 1e-4
     for _ in range(_MOST_STEPS):
-        across(n, ways)
-        b0 = ways[0] * g[0] + ways[1] * g[1] + ways[2] * g[2]
-        b1 = ways[3] * g[0] + ways[4] * g[1] + ways[5] * g[2]
+        across(n, tangents)
+        b0 = tangents[0] * g[0] + tangents[1] * g[1] + tangents[2] * g[2]
+        b1 = tangents[3] * g[0] + tangents[4] * g[1] + tangents[5] * g[2]
         if abs(b0) + abs(b1) < _ABOVE:
             break
         h = g[3:]
-        h00 = _bent(h, ways, ways) - depth
-        h01 = _bent(h, ways, ways[3:])
-        h11 = _bent(h, ways[3:], ways[3:]) - depth
+        h00 = _bent(h, tangents, tangents) - depth
+        h01 = _bent(h, tangents, tangents[3:])
+        h11 = _bent(h, tangents[3:], tangents[3:]) - depth
         moved, last, now = False, False, depth
         for _ in range(_MOST_TRIES):
             a, c = h00 + damping, h11 + damping
             det = a * c - h01 * h01
             if a > 0.0 and det > 0.0:
                 d0, d1 = -(c * b0 - h01 * b1) / det, -(a * b1 - h01 * b0) / det
-                _turn(n, ways, d0, d1, m)
+                _turn(n, tangents, d0, d1, m)
                 now = _along(t, b, m, other)
                 last = -(b0 * d0 + b1 * d1) < _NOISE
                 if now < depth or last:
@@ -281,10 +281,10 @@ def _along(t: Vector, b: Vector, n: Vector, g: Vector) -> float:
     return curved(t, -1.0, n, g) + curved(b, 1.0, n, g)
 
 
-def _turn(n: Vector, ways: Vector, d0: float, d1: float, m: Vector) -> None:
-    """The unit vector `m` (3,) that is off another one by d0 and d1 along two ways (6,)."""
+def _turn(n: Vector, tangents: Vector, d0: float, d1: float, m: Vector) -> None:
+    """The unit vector `m` (3,) that is off another one by d0 and d1 along two tangents (6,)."""
     for i in range(3):
-        m[i] = n[i] + d0 * ways[i] + d1 * ways[3 + i]
+        m[i] = n[i] + d0 * tangents[i] + d1 * tangents[3 + i]
     size = math.sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2])
     for i in range(3):
         m[i] /= size

@@ -22,7 +22,7 @@ from taskspec.native.kernel import Vector
 from taskspec.shapes import overlap
 from taskspec.shapes.overlap import BALL, BOX, CYLINDER, SOLID, across, bulge, support
 
-#: Kinds of shapes besides the solids `BALL`, `CYLINDER` and `BOX`.
+#: Kinds of shapes other than the solids `BALL`, `CYLINDER` and `BOX`.
 PLATE, HOLE, SLOT, GROOVE = 10, 11, 12, 13
 #: Numbers of a patch, and how many there are at most.
 PATCH, MOST = 10, 8
@@ -111,8 +111,8 @@ def _solid(t: Vector, kind: int, s: Vector, at: Vector, patches: Vector) -> int:
     return n
 
 
-def _flatness(t: Vector, x: float, y: float, z: float, ways: Vector, q: Vector) -> None:
-    """Squares of levers of a solid's flat part across u: aa, ab, bb along two ways (6,)."""
+def _flatness(t: Vector, x: float, y: float, z: float, tangents: Vector, q: Vector) -> None:
+    """Squares of levers of a solid's flat part across u: aa, ab, bb along two tangents (6,)."""
     q[0], q[1], q[2] = 0.0, 0.0, 0.0
     if t[12] == BALL:
         return
@@ -128,8 +128,8 @@ def _flatness(t: Vector, x: float, y: float, z: float, ways: Vector, q: Vector) 
             square = half * half * 2.0 / 9.0
         w = eps * eps / (half * half)
         square *= w / (along * along + w)
-        a = ways[0] * ax + ways[1] * ay + ways[2] * az
-        b = ways[3] * ax + ways[4] * ay + ways[5] * az
+        a = tangents[0] * ax + tangents[1] * ay + tangents[2] * az
+        b = tangents[3] * ax + tangents[4] * ay + tangents[5] * az
         q[0] += square * a * a
         q[1] += square * a * b
         q[2] += square * b * b
@@ -160,7 +160,7 @@ def _hole(t: Vector, R: float, depth: float, chamfer: float, at: Vector, patches
     if t[12] == BALL:
         n = _ball_in_hole(t, R, chamfer, at, patches)
     elif abs(t[11]) < 0.5:
-        # A tool that lies on its side does not feel the bore.
+        # A tool that lies on its side does not touch the bore.
         return _floor(t, 0.0, at, patches, 0)
     else:
         if t[12] == BOX:
@@ -471,8 +471,8 @@ def _outside(
     """A block a by b by c below z = 0 from outside; -1 where its top or its bore is touched.
 
     Of its upper and upright edges, each with both faces as a convex body, that counts in which the
-    tool is least deep: a way out of one is a way out of the block. A tool whose end is over the
-    bore is in there.
+    tool is least deep: a displacement out of one leads out of the block. A tool whose end is over
+    the bore is in there.
     """
     depth = support(t, 0.0, 0.0, -1.0, at)
     if depth <= 0.0:

@@ -11,7 +11,7 @@ from taskspec.shapes.surface import Geom, Surface, SurfaceChart
 if TYPE_CHECKING:
     from taskspec.shapes.surface import Vector
 
-#: Half thickness [m] of the slab that is seen of a plane.
+#: Half thickness [m] of the slab that is drawn of a plane.
 _SLAB = 0.015
 #: MuJoCo has no moving planes: half edges and half thickness [m] of the block that stands for one.
 _BLOCK, _BLOCK_THICKNESS = 1000.0, 10.0

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from taskspec.shapes.surface import Vector
 
-#: How far the plate is seen beyond the cut, and how thick where the cut is not deeper [m].
-_SEEN, _THICK = 0.11, 0.03
+#: How far the plate is drawn beyond the cut, and how thick where the cut is not deeper [m].
+_DRAWN_BEYOND, _THICKNESS = 0.11, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +31,12 @@ class CutPlate(Surface):
         """How far [m] a point (3,) is over the plate beside the cut, negative over the cut."""
 
     @abstractmethod
-    def seen(self, reach: float, thickness: float) -> Sequence[Vector]:
+    def drawn(self, reach: float, thickness: float) -> Sequence[Vector]:
         """Polylines (n, 3) [m], an even number: a picture spans a band between each two.
 
         Args:
-            reach: how far the plate is seen beyond the cut [m].
-            thickness: of what is seen [m].
+            reach: how far the plate is drawn beyond the cut [m].
+            thickness: of what is drawn [m].
         """
 
     def chart(self, face: ca.SX | None = None) -> SurfaceChart:  # noqa: ARG002
@@ -57,8 +57,8 @@ class CutPlate(Surface):
         return Geom("mesh", (1.0, 1.0, 1.0), corners=corners, faces=faces)
 
     def mesh(self) -> tuple[Vector, Vector]:
-        """Corners (n, 3) [m] and triangles (m, 3) of what is seen."""
-        bands = self.seen(_SEEN, _THICK)
+        """Corners (n, 3) [m] and triangles (m, 3) of what is drawn."""
+        bands = self.drawn(_DRAWN_BEYOND, _THICKNESS)
         corners: list[Vector] = []
         faces: list[tuple[int, int, int]] = []
         for first, second in zip(bands[::2], bands[1::2], strict=True):

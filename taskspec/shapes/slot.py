@@ -61,7 +61,7 @@ class Slot(CutPlate):
         beyond = ca.fabs(x[1]) - self.width / 2
         return beyond if self.length is None else ca.fmax(beyond, ca.fabs(x[0]) - self.length / 2)
 
-    def seen(self, reach: float, thickness: float) -> Sequence[Vector]:
+    def drawn(self, reach: float, thickness: float) -> Sequence[Vector]:
         """The profile, drawn along x; or rings from the plate's edge down to the bottom."""
         half, edge = self.width / 2, self.width / 2 + self.chamfer
         if self.length is not None:
@@ -81,7 +81,7 @@ def pocket(inner: list[tuple[float, float, float]], low: float, reach: float) ->
     Args:
         inner: half length, half width and height of rectangles, from the edge down to where they
             close [m].
-        low: how far down the plate is seen [m].
+        low: how far down the plate is drawn [m].
         reach: how far beyond the cut [m].
     """
     x, y, _ = inner[0]
@@ -97,7 +97,7 @@ def profile(right: list[tuple[float, float]], thickness: float, reach: float) ->
     low = [(left[-1][0], -thickness), (right[0][0], -thickness)]
     ring = np.array([*right, *left, *low, right[0]])[::-1]
     back, front = (np.column_stack((np.full(len(ring), s * reach), ring)) for s in (-1.0, 1.0))
-    # A fan closes each end: all of the profile is seen from a point at its bottom.
+    # A fan closes each end: all of the profile is visible from a point at its bottom.
     behind, before = (
         np.tile([line[0, 0], 0.0, -thickness], (len(line), 1)) for line in (back, front)
     )

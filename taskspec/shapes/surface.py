@@ -118,7 +118,8 @@ class PlateCut:
 class Surface(ABC):
     """A kind of shape, and of that kind one that is somewhere.
 
-    A subclass is a kind; besides these attributes it takes its sizes, by the names of its keys.
+    A subclass is a kind; in addition to these attributes it takes its sizes, by the names of its
+    keys.
 
     Attributes:
         origin: (3,) [m], world.
@@ -129,7 +130,7 @@ class Surface(ABC):
         remark: what else an editor says of it.
         flat: whether every part of it that a frame follows is flat.
         level: whether its outward normal is the same everywhere.
-        convex: whether it is; a straight way meets what is not more than once.
+        convex: whether it is; a straight line meets what is not more than once.
         start_over: where a tool starts that is to follow it; empty for anywhere.
         parts: what its parts are called of which a stage follows one; empty for one part alone.
         face_size: how many numbers describe the part that a stage follows; 0 for one part alone.
@@ -196,7 +197,7 @@ class Surface(ABC):
         return self
 
     def visible_geom(self, center: Vector, half: Vector) -> Geom | None:  # noqa: ARG002
-        """What is seen of a shape that is endless; None where its own geom is seen.
+        """What is drawn of a shape that is endless; None where its own geom is drawn.
 
         Args:
             center: (3,) about which, in the shape's own axes [m].

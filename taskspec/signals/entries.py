@@ -34,7 +34,7 @@ _Value = TypeVar("_Value")
 #: Force above which the tool touches [N].
 TOUCHING = 0.5
 
-#: Why a controller does not decide by what is lost on the way to it.
+#: Why a controller does not decide by what is lost before it.
 _OF_THE_LINK = "it is known of a run, not to its stages; what may be lost says `--stop-after`"
 
 
@@ -257,10 +257,10 @@ def _object_angle(at: Situation, name: str) -> ca.SX | None:
 @signal(
     "travel",
     of={"slide": LENGTH, "screw": LENGTH},
-    meanings={"slide": "its coordinate", "screw": "its way along the axis"},
+    meanings={"slide": "its coordinate", "screw": "its travel along the axis"},
 )
 def _object_travel(at: Situation, name: str) -> ca.SX | None:
-    return at.objects[name].way
+    return at.objects[name].travel
 
 
 @signal(

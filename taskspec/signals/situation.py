@@ -1,4 +1,4 @@
-"""What a formula is told: the tool in a frame at one instant, as expressions."""
+"""The arguments of a formula: the tool in a frame at one instant, as expressions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from taskspec.signals.table import VECTORS, Entry, Index, Signal, find
 if TYPE_CHECKING:
     import casadi as ca
 
-#: What a situation is not told of; a formula that needs it cannot be evaluated there.
+#: What a situation lacks; a formula that needs it cannot be evaluated there.
 UNKNOWN: Any = None
 
 
@@ -40,14 +40,14 @@ class ObjectState:
         kind: as in `OBJECT`.
         distance: of the tool from it [m, rad].
         coordinate: of a mechanism [rad, m].
-        way: of a mechanism's handle along its axis [m].
+        travel: of a mechanism's handle along its axis [m].
         effort: what the robot applies to it [N, N m].
     """
 
     kind: str
     distance: ca.SX | None = None
     coordinate: ca.SX | None = None
-    way: ca.SX | None = None
+    travel: ca.SX | None = None
     effort: ca.SX | None = None
 
 

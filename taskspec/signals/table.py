@@ -45,7 +45,7 @@ class Signal:
         name: of the signal; of a family the part that its members share.
         index: what its members differ by.
         dimensions: of the members, by axis or kind of the object; of others by "".
-        meanings: of the members in the same way, as the documentation has it.
+        meanings: of the members likewise, as the documentation has it.
         formula: the signal as an expression of a situation, given the member of a family of
             joints, objects or stages. A family of axes gives all of them at once: a vector, or a
             mapping of those that there are. None where it is not known.
@@ -55,7 +55,7 @@ class Signal:
         limit: the limit of the file that bounds its magnitude, if one does; of a family of axes
             that of its translations.
         framed: whether another frame shows it differently.
-        anywhere: whether references and guards may ask for it in another frame.
+        anywhere: whether references and guards may use it in another frame.
         sensed: what the controller's value follows from that may differ from the truth, which is
             what the log has: the measured wrench, or where objects nominally are.
         beside: what the log has beside it: its reference, its measurement.

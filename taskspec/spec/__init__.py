@@ -1,4 +1,4 @@
-"""What a task file may say: one model per noun, and the way from text to a checked task."""
+"""What a task file may say: one model per noun, and the steps from text to a checked task."""
 
 from taskspec.spec.axis import AxisEntry
 from taskspec.spec.control import Control

@@ -195,7 +195,7 @@ class AxisEntry(_AxisKeys):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Ask for one mode, and for keys that belong to it; a soft axis without one holds."""
+        """Require one mode, and keys that belong to it; a soft axis without one holds."""
         motions = [key for key in MOTIONS if key in data]
         forces = [key for key in FORCES if key in data]
         for key in motions:

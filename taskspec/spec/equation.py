@@ -38,7 +38,7 @@ class Constraint:
 
     Attributes:
         residual: left minus right; zero on the constraint.
-        relation: `=` holds both ways; under `<=` and `>=` the tool may leave to one side.
+        relation: `=` holds in both directions; under `<=` and `>=` the tool may leave to one side.
         joints: it is on joints, not on the tool tip.
     """
 

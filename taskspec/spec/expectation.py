@@ -12,8 +12,8 @@ from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.data import Items, Map
 from taskspec.text.expression import Expression, ScopeKind
 
-_LONGEST = 64
-NAME_PATTERN = f"^[A-Za-z0-9][A-Za-z0-9_-]{{0,{_LONGEST - 1}}}$"
+_LONGEST_NAME = 64
+NAME_PATTERN = f"^[A-Za-z0-9][A-Za-z0-9_-]{{0,{_LONGEST_NAME - 1}}}$"
 """What a name of an expectation is."""
 _NAME = re.compile(NAME_PATTERN[:-1] + r"\Z")
 
@@ -58,8 +58,8 @@ def _check_name(name: str, value: Map, context: ParseContext) -> None:
     if _NAME.match(name):
         return
     rule = "a name is letters, digits, '-' and '_', and begins with a letter or a digit"
-    near = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-_")[:_LONGEST]
-    hint = f"{rule}: {near}" if _NAME.match(near) and len(name) <= _LONGEST else rule
+    near = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-_")[:_LONGEST_NAME]
+    hint = f"{rule}: {near}" if _NAME.match(near) and len(name) <= _LONGEST_NAME else rule
     if any(sign in name for sign in "<>("):
         hint = f"{rule}; conditions without names are a list, each begun with '- '"
     message = f"'{name}' cannot be the name of an expectation"

@@ -30,7 +30,7 @@ _AND = re.compile(r"\band\b")
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """A way from a stage to another.
+    """A transition from a stage to another.
 
     Attributes:
         to: the stage.
@@ -76,13 +76,13 @@ def _edges(stages: Map, context: ParseContext) -> Edges | None:
     return edges
 
 
-Way = tuple[object, Span, str]
+Target = tuple[object, Span, str]
 
 
-def _good(stage: Map, after: str, own: Span, context: ParseContext) -> Iterator[Way]:
+def _good(stage: Map, after: str, own: Span, context: ParseContext) -> Iterator[Target]:
     """Where a stage leads that ends well: a target, what says so, and what bounds it.
 
-    A way that does not read has no target.
+    A branch that does not read has no target.
     """
     given = stage.get("next")
     if not isinstance(given, Items):
@@ -106,23 +106,23 @@ def _good(stage: Map, after: str, own: Span, context: ParseContext) -> Iterator[
         yield branch.get("to"), own if to is None else nodes.pointer(to), bound
 
 
-def _reads(way: Map, context: ParseContext) -> bool:
-    """Whether a way says all that it means to say.
+def _reads(branch: Map, context: ParseContext) -> bool:
+    """Whether a branch can be read as a whole.
 
-    An unknown key may be its condition, and a condition with a mistake in it may bound a circle.
+    An unknown key may be its condition, and a condition with a mistake in it may bound a cycle.
     """
-    if way.node.broken or not way.keys() <= {"when", "to"}:
+    if branch.node.broken or not branch.keys() <= {"when", "to"}:
         return False
-    when = way.get("when")
+    when = branch.get("when")
     return when is None or values.expression(when, None, ScopeKind.GUARD, context) is not None
 
 
-def _failing(stage: Map, own: Span) -> Iterator[Way]:
+def _failing(stage: Map, own: Span) -> Iterator[Target]:
     target = stage.get("on_fail", "fail")
     yield target, nodes.pointer(stage.node.entries["on_fail"][1]) if "on_fail" in stage else own, ""
 
 
-def _reacting(name: str, common: Map, own: Map) -> Iterator[Way]:
+def _reacting(name: str, common: Map, own: Map) -> Iterator[Target]:
     """Where limits lead; in the stage to which one leads it stops the run."""
     for key in common | own:
         limits = own if key in own else common
@@ -153,7 +153,7 @@ def _targets(edges: Edges, name: str) -> set[str]:
 
 
 def _is_bounded(name: str, edge: Edge, edges: Edges) -> bool:
-    """Whether every circle over a way goes through the stage whose visits bound it."""
+    """Whether every cycle over a transition goes through the stage whose visits bound it."""
     if edge.bound not in edges:
         return False
     reached, waiting = {edge.bound, edge.to}, [edge.to]

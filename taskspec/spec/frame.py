@@ -25,7 +25,7 @@ register(
 )
 
 _FIXED = ("parent", "xyz", "rpy")
-#: How a frame tracks what is felt.
+#: What a frame tracks: the measured force or the motion.
 _OF_TRACKING = ("filter", "floor", "turn", "normal")
 #: What a frame tracks, and what measures it.
 TRACKED: dict[str, Dimension] = {"force": FORCE, "velocity": VELOCITY}
@@ -41,7 +41,7 @@ class Frame(Model):
         surface: the object over which it follows the tool.
         heading: a direction of the world that is laid on the tangent plane as the x axis.
         estimate: the stage at whose end it is measured: its origin where the tip is then, its z
-            against the mean force felt there.
+            against the mean force measured there.
         track: what turns it while a stage is on: the contact force, against which its z is kept,
             or the velocity, along which its x is.
         filter: cutoff of the filter that the force or the velocity passes [Hz].
@@ -140,7 +140,7 @@ class Frame(Model):
 
 
 def _tracks(data: Map, context: ParseContext) -> bool:
-    """Whether a frame tracks what is felt; reports keys that do not go together."""
+    """Whether a frame tracks force or motion; reports keys that do not go together."""
     if "track" not in data:
         how = [key for key in _OF_TRACKING if key in data]
         if how and complete(data, context):
@@ -172,12 +172,12 @@ def _tracks(data: Map, context: ParseContext) -> bool:
 def check_loops(frames: Map, context: ParseContext) -> None:
     """Reports every circle of frames that are placed in each other, once."""
     parents = {name: mapping(frame).get("parent") for name, frame in frames.items()}
-    seen: set[object] = set()
+    visited: set[object] = set()
     for name in frames:
         trail: dict[str, int] = {}
         step: object = name
-        while isinstance(step, str) and step in parents and step not in seen:
-            seen.add(step)
+        while isinstance(step, str) and step in parents and step not in visited:
+            visited.add(step)
             trail[step] = len(trail)
             step = parents[step]
         if isinstance(step, str) and step in trail:

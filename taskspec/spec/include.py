@@ -91,7 +91,7 @@ class Inclusion:
         return os.path.normpath(self._folder / name)
 
     def _include(self, root: MappingNode, folder: PurePath, chain: tuple[str, ...]) -> None:
-        """Includes what a file asks for; `folder` is its own, from that of the task."""
+        """Includes what a file names; `folder` is its own, from that of the task."""
         brought: list[MappingNode] = []
         for entry in self._entries(root):
             part = self._file(entry, folder, chain)
@@ -123,7 +123,7 @@ class Inclusion:
             return None
         absolute = Path(os.path.normpath(path.absolute()))
         if any(os.path.realpath(known) == real for known in self.files):
-            return None  # It is there already, by another way.
+            return None  # It is there already, through another file.
         if len(self.files) >= MAX_FILES:
             self._error(entry, f"more than {MAX_FILES} files", "put some of them together")
             return None

@@ -80,7 +80,7 @@ class Law(Model):
         orientation: how orientation errors are measured.
         null_space: what a redundant arm does with the joints that the task leaves free; these
             goals are added up.
-        solve: how what the law asks for becomes torque: by its own closed form, or by a quadratic
+        solve: how the command of the law becomes torque: by its own closed form, or by a quadratic
             program that keeps the limits.
         solver: of the quadratic program.
     """

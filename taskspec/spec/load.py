@@ -55,7 +55,7 @@ class LoadedTask:
     """A task and the text that it came from.
 
     Attributes:
-        task: the checked task: what the controller is told.
+        task: the checked task: the nominal one of the controller.
         true_task: the same with the world and the robot as they really are.
         source: the text of the file.
         path: of the file; None if there is none.

@@ -82,7 +82,7 @@ class Mechanism(Model):
         detent: a snap.
 
     A hinge has an `inertia` about its axis [kg*m^2], a slide a `mass` [kg], a screw both and a
-    `pitch`, its way along z per angle [m/rad].
+    `pitch`, its travel along z per angle [m/rad].
     """
 
     noun = "a mechanism"
@@ -105,7 +105,7 @@ class Mechanism(Model):
 
     @classmethod
     def expand(cls, data: object, context: ParseContext) -> object:
-        """Looks no further into a mechanism of an unknown kind, or one that is a shape as well."""
+        """Reads no further into a mechanism of an unknown kind, or one that is a shape as well."""
         if not isinstance(data, Map):
             return data
         if "shape" in data:
@@ -124,7 +124,7 @@ class Mechanism(Model):
 
     @property
     def lead(self) -> float:
-        """Way along z per angle about it [m/rad]; 0 for a hinge or slide."""
+        """Travel along z per angle about it [m/rad]; 0 for a hinge or slide."""
         return 0.0
 
     @property
@@ -194,7 +194,7 @@ class Screw(_Turning):
 
     @property
     def lead(self) -> float:
-        """Way along z per angle about it [m/rad]."""
+        """Travel along z per angle about it [m/rad]."""
         return self.pitch
 
 

@@ -48,7 +48,7 @@ class Model(BaseModel):
     hold whatever else is wrong.
     """
 
-    # Most models are parts of a larger one: validators of their own are made when asked for.
+    # Most models are parts of a larger one: validators of their own are made at their first use.
     model_config = ConfigDict(
         extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True
     )

@@ -27,7 +27,7 @@ MODELS: dict[str, type[Model]] = {
 
 
 def kind_of_object(data: object) -> str:
-    """The kind of a raw object, as `signals.OBJECT` names it; `shape` where nothing tells."""
+    """The kind of a raw object, as `signals.OBJECT` names it; `shape` by default."""
     if not isinstance(data, Map):
         return "shape"
     if "equation" in data:
@@ -39,7 +39,7 @@ def kind_of_object(data: object) -> str:
 
 
 class ByKind:
-    """Reads an object as the model that its keys ask for."""
+    """Reads an object as the model of its keys."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler

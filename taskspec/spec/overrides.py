@@ -21,7 +21,7 @@ _OVERRIDESD = ("params", "world", "frames", "templates", "stages", "expect")
 _BY_PATH = ("vary", "truth")
 """Sections whose keys are paths."""
 
-_SHORT = {"law": "kind", "within": "time"}
+_SHORT_FORMS = {"law": "kind", "within": "time"}
 """What the short form of a key stands for, so that another part of it can be set."""
 
 
@@ -126,7 +126,7 @@ def _put(
     owner = root
     for depth, step in enumerate(steps):
         last = depth == len(steps) - 1
-        if depth and isinstance(node, Scalar) and steps[depth - 1] in _SHORT:
+        if depth and isinstance(node, Scalar) and steps[depth - 1] in _SHORT_FORMS:
             node = _full(owner, steps[depth - 1], node)
         if isinstance(node, Sequence):
             if not (step.isdigit() and int(step) < len(node.items)):
@@ -158,7 +158,7 @@ def _put(
 
 def _full(owner: MappingNode, key: str, node: Scalar) -> MappingNode:
     """Writes `law: hybrid` as `law: {kind: hybrid}` so that a gain can be set."""
-    full = MappingNode(node.span, flow=True, entries={_SHORT[key]: (node, node)})
+    full = MappingNode(node.span, flow=True, entries={_SHORT_FORMS[key]: (node, node)})
     owner.entries[key] = (owner.entries[key][0], full)
     return full
 

@@ -32,7 +32,7 @@ class ParseContext:
         frames: every name that is a frame.
         quiet: ids of mappings in which missing keys are no further mistake.
         keys: id of a mapping to the place of the key that it hangs on.
-        truth: what is read is the world as it really is, not what the controller is told.
+        truth: what is read is the true world, not the nominal one of the controller.
     """
 
     diagnostics: Diagnostics

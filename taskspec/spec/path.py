@@ -74,7 +74,7 @@ class _PathKeys(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Asks whether the keys go together, where each could be read."""
+        """Checks whether the keys go together, where each could be read."""
         lists = [value for value in data.values() if isinstance(value, Items)]
         lists += [entry for value in lists for entry in value if isinstance(entry, Items)]
         whole = all(key.optional or key.name in data for key in cls.kind().keys)
@@ -83,7 +83,7 @@ class _PathKeys(Model):
         try:
             wrong = cls.kind().wrong(data)
         except TypeError:
-            return  # What is no list is told of as such.
+            return  # What is no list is reported as such.
         if wrong is not None:
             node: Node = cast("Items", data[wrong.key]).node
             if wrong.row is not None and isinstance(node, SequenceNode):
@@ -197,7 +197,7 @@ class Path(_Curve):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Asks for one form, and one of `speed` and `time`."""
+        """Requires one form, and one of `speed` and `time`."""
         forms = [key for key in (*FORMS, "joints") if key in data]
         if "joint_speed" in data.node.entries:
             context.error("TS020", "unknown key 'joint_speed' in a path",

@@ -28,7 +28,7 @@ Joints = tuple[float, ...]
 
 
 class Protected(Model):
-    """Bounds that one text tells: each kind of bound has its group.
+    """Bounds of one text: each kind of bound has its group.
 
     Attributes:
         source: where its numbers come from; None for what the whole protection says.
@@ -159,7 +159,7 @@ class Protection(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Asks for a bound, and for the source of each."""
+        """Requires a bound, and the source of each."""
         if not complete(data, context):
             return
         groups = [key for key in GROUPS if key in data]

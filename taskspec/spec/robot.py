@@ -111,7 +111,7 @@ class Tool(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Asks for the sizes of the tool's shape."""
+        """Requires the sizes of the tool's shape."""
         shape = data.get("shape", cls.model_fields["shape"].default)
         if isinstance(shape, str) and shape in _ENDS:
             keys = _ENDS[shape].tool_keys
@@ -215,7 +215,7 @@ class Sensor(Model):
 
 
 class Payload(Model):
-    """What the tool carries and nobody has told the controller of.
+    """What the tool carries without the controller's knowledge.
 
     Attributes:
         mass: [kg].
@@ -254,7 +254,7 @@ class Robot(Model):
             controller does not know of it.
         joint_friction: Coulomb's, of the plant's joints [N*m]: one for all, or one for each. The
             controller does not know of it.
-        payload: what the plant's tool carries besides; under `truth` and `vary` alone, for the
+        payload: what the plant's tool carries in addition; under `truth` and `vary` alone, for the
             controller does not know of it. None for nothing.
         grasp: the handle or loose body that it holds from the start; None for nothing.
         sensor: what measures the contact wrench.

@@ -73,7 +73,7 @@ class SetPoints(FieldType):
         return found
 
     def _check(self, name: str, entry: object, context: ParseContext) -> None:
-        """Asks for the one quantity that fits the equation."""
+        """Requires the one quantity that fits the equation."""
         if not isinstance(entry, Map):
             return
         on_joints = context.objects[name] == "joint equation"

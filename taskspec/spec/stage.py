@@ -91,7 +91,7 @@ class Within(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Ask for a time or a distance."""
+        """Require a time or a distance."""
         if not data and complete(data, context):
             context.error("TS601", "'within' needs a time or a travel", pointer(data.node),
                           "within: {time: 5 s, travel: 50 mm}, or one of the two")  # fmt: skip
@@ -151,29 +151,29 @@ def _ways(
         return ()
     if not isinstance(value, Items):
         return handler([short_form(value, "to")])
-    _check_ways(value, context)
+    _check_branches(value, context)
     return handler(list(value))
 
 
-def _check_ways(ways: Items, context: ParseContext) -> None:
-    """Asks for one way without a condition, at the end."""
-    if not ways and not ways.node.broken:
-        context.error("TS023", "this list is empty", span_of(ways))
-    if not ways or ways.node.broken:
+def _check_branches(branches: Items, context: ParseContext) -> None:
+    """Requires one branch without a condition, at the end."""
+    if not branches and not branches.node.broken:
+        context.error("TS023", "this list is empty", span_of(branches))
+    if not branches or branches.node.broken:
         return
-    always = [isinstance(way, Text) or _is_unconditional(mapping(way)) for way in ways]
-    for number, way in enumerate(ways[:-1]):
+    always = [isinstance(each, Text) or _is_unconditional(mapping(each)) for each in branches]
+    for number, branch in enumerate(branches[:-1]):
         if always[number]:
             message = "nothing comes to the ways behind this one, which has no 'when'"
-            context.error("TS608", message, span_of(way), "put it last, or give it a 'when'")
-    if isinstance(ways[-1], Map) and not always[-1] and "when" in ways[-1]:
+            context.error("TS608", message, span_of(branch), "put it last, or give it a 'when'")
+    if isinstance(branches[-1], Map) and not always[-1] and "when" in branches[-1]:
         message = "nothing says where the stage leads if none of the conditions holds"
         hint = "add a last way without 'when', such as {to: end}"
-        context.error("TS608", message, span_of(ways[-1]), hint)
+        context.error("TS608", message, span_of(branches[-1]), hint)
 
 
-def _is_unconditional(way: Map) -> bool:
-    return way.keys() == {"to"} and not way.node.broken
+def _is_unconditional(branch: Map) -> bool:
+    return branch.keys() == {"to"} and not branch.node.broken
 
 
 class Stage(Model):
@@ -255,7 +255,7 @@ class Stage(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Ask for one end, a bound for the guard, and one mode on each axis."""
+        """Require one end, a bound for the guard, and one mode on each axis."""
         _check_end(data, context)
         _check_path_done(data, context)
         _check_modes(data, context)

@@ -177,7 +177,7 @@ class Task(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Looks at the file as a whole."""
+        """Checks the file as a whole."""
         stages = data.get("stages")
         if isinstance(stages, Map):
             if not stages and not stages.node.broken:

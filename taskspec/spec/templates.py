@@ -317,7 +317,7 @@ class _Copy:
         return found
 
     def _reads(self, name: str) -> bool:
-        """Whether what stands for a param can be read alone; told at its own place where not."""
+        """Whether what stands for a param can be read alone; if not, that is reported."""
         text = self._scalars[name]
         if text.value not in self.readable:
             self.readable[text.value] = True

@@ -1,4 +1,4 @@
-"""`truth`: what the world and the robot really are, where the controller is told otherwise."""
+"""`truth`: true values of the world and the robot that differ from the nominal ones."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def grafted(root: Mapping, truth: DeclaredTruth) -> Mapping:
 
 
 def _put(owner: Node | None, steps: list[str], key: nodes.Scalar, value: Node) -> Mapping:
-    """A copy of a mapping with one value below it replaced; a short form gives way."""
+    """A copy of a mapping with one value below it replaced; a short form is replaced."""
     step, *rest = steps
     old = owner if isinstance(owner, Mapping) else Mapping(key.span, flow=True)
     entry = old.entries.get(step)

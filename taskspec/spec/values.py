@@ -59,7 +59,7 @@ def expression(
 
     Args:
         value: a datum of the file.
-        dimension: what its place asks for; None for a condition.
+        dimension: what its place requires; None for a condition.
         kind: where it stands.
         context: the pass.
     """

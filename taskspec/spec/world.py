@@ -54,7 +54,7 @@ class Motion(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Asks for an axis, and for no more than one rotation."""
+        """Requires an axis, and no more than one rotation."""
         if not data and complete(data, context):
             context.error("TS021", "a motion needs an axis", pointer(data.node), cls.example)
         turns = [axis for axis in ROTATIONS if axis in data]
@@ -166,14 +166,14 @@ class Shape(_SizedShape):
 
     @classmethod
     def expand(cls, data: object, context: ParseContext) -> object:
-        """Reports an object of no kind, and looks no further into it."""
+        """Reports an object of no kind, and reads no further."""
         if not isinstance(data, Map) or "shape" in data:
             return data
         return _of_no_kind(data, context, [*cls.model_fields, *cls.reserved])
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Asks for the sizes of the shape."""
+        """Requires the sizes of the shape."""
         shape = data.get("shape")
         if isinstance(shape, str) and shape in _SHAPES:
             allowed = [key.name for key in _SHAPES[shape].keys]
@@ -210,7 +210,7 @@ def is_free(data: Map) -> bool:
 
 
 def _check_free(data: Map, context: ParseContext) -> None:
-    """Asks for a mass of a loose body, and of a loose body alone."""
+    """Requires a mass of a loose body, and of a loose body alone."""
     sure, free = complete(data, context), is_free(data)
     shape = data.get("shape")
     kind = _SHAPES.get(shape) if isinstance(shape, str) else None

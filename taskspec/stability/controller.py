@@ -130,7 +130,7 @@ class Operating:
             Chooser(stage.choice, stage.parameters, given).first()
         for axis in stage.plan.plans:
             if kept_slot(axis) in stage.parameters:
-                kept = stage.plan.set_point_of(axis) or 0.0
+                kept = stage.plan.set_points.of(axis) or 0.0
                 stage.parameters.write(self.parameters, kept_slot(axis), kept)
         tracks = Tracks(stage, self.parameters, self.memory)
         tracks.numbers[:] = numbers

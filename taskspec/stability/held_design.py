@@ -60,9 +60,9 @@ def best_design(stage: StagePlan) -> Design:
 def _designs(stage: StagePlan, first: Design) -> Iterator[tuple[Design, int]]:
     """Designs in the order in which they are tried, and how bad the best must be for the next."""
     forms = [first]
-    if stage.has_mechanism_form:
-        forms.append(stage.by_rules(consistent=True))
-        if stage.cancels_late >= 1:
+    if stage.design_rules.has_mechanism_form:
+        forms.append(stage.design_rules.design(consistent=True))
+        if stage.design_rules.cancels_late >= 1:
             # A pose away it flips, if it does not here.
             forms.reverse()
     for form in forms:

@@ -333,7 +333,7 @@ def loop_like(task: TaskPlan, name: str) -> SampledStage | None:
     control = control_of(stage)
     for earlier in task.loops:
         other: SampledStage | None = task.loops[earlier]
-        if other is None or other.meets or {*other.pressed} != {*stage.pressed}:
+        if other is None or other.meets or {*other.pressed} != {*stage.contacts.pressed}:
             continue
         if control_of(task.stages[earlier]) == control:
             return other
@@ -404,7 +404,7 @@ def _slides(stage: StagePlan, pressed: Mapping[str, float]) -> Matrix | None:
             return None
         if not axis.is_rotation:
             rates[axis.row] = rate
-    normal, velocity = stage.normal_of(name), stage.rotation @ rates
+    normal, velocity = stage.contacts.normal(name), stage.rotation @ rates
     velocity = velocity - normal * float(normal @ velocity)
     return velocity if float(np.linalg.norm(velocity)) > _SLIDES else None
 
@@ -433,12 +433,12 @@ def _pressed(
             found[name] = wanted if np.isfinite(wanted) else 0.0
     local = np.nan_to_num(outputs["force_ref"][:3])
     applied = rotation @ local
-    for name in stage.plan.touched:
-        if name in stage.plan.pressed:
+    for name in stage.plan.contacts.touched:
+        if name in stage.plan.contacts.pressed:
             found[name] = max(-float(context.start_normals[name] @ applied), LEAST_PRESS)
-    for name in stage.plan.bearers.values():
+    for name in stage.plan.environment.bearers.values():
         found[name] = _along_equation(context, name, applied)
-    if found or stage.plan.held:
+    if found or stage.plan.contacts.held:
         return found, False
     if stage.plan.met:
         return {stage.plan.met[0]: LEAST_PRESS}, True

@@ -31,7 +31,7 @@ from taskspec.program.trajectory import Place
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.mobility import tip_jacobian
 from taskspec.spec import FILE, Limits, key_of
-from taskspec.statics.rows import Cause, RowSystem, kept, limit_place, shares_of
+from taskspec.statics.rows import RowCause, RowSystem, kept, limit_place, shares_of
 from taskspec.text.units import FORCE, show
 
 Vector = NDArray[np.float64]
@@ -64,7 +64,7 @@ def statics(stage: StagePlan, place: Place) -> tuple[RowSystem, Vector]:
             whole[3:, own] = pin.skew(ball[name])
     whole[3:, -3:] = reach * np.eye(3)
     about = whole.copy()
-    lever = stage.lever
+    lever = stage.kinematics.lever
     about[3:] -= pin.skew(lever) @ whole[:3]
     wanted = _wanted(stage, place.rotation)
     _add_set_points(stage, place.rotation, about, system)
@@ -74,7 +74,7 @@ def statics(stage: StagePlan, place: Place) -> tuple[RowSystem, Vector]:
     if place.q is not None:
         _add_torques(stage.context, place.q, whole, shares_of(stage).torque, system)
     guess = np.zeros(system.size)
-    at = 3 * objects.index(stage.contact) if stage.contact in objects else 0
+    at = 3 * objects.index(stage.contacts.main) if stage.contacts.main in objects else 0
     guess[at : at + 3] = wanted[:3]
     if not ball:
         guess[-3:] = (wanted[3:] + cross(lever, wanted[:3])) / reach
@@ -99,14 +99,14 @@ def _leaned_on(stage: StagePlan, place: Place) -> dict[str, Vector] | None:
         if name == stage.frame.surface_name:
             normals[name] = place.rotation[:, 2]
         elif surface.level:
-            normals[name] = stage.normal_of(name)
+            normals[name] = stage.contacts.normal(name)
         else:
             return None
-    for axis, value in stage.set_points.items():
-        contact = stage.contact_of(axis)
+    for axis, value in stage.set_points.constant.items():
+        contact = stage.contacts.of(axis)
         if contact is None or axis.is_rotation:
             continue
-        along = float(place.rotation[:, axis.column] @ stage.normal_of(contact))
+        along = float(place.rotation[:, axis.column] @ stage.contacts.normal(contact))
         if abs(along) > MOSTLY and value * along > 0:
             return None
     return normals
@@ -115,23 +115,23 @@ def _leaned_on(stage: StagePlan, place: Place) -> dict[str, Vector] | None:
 def _limited(stage: StagePlan) -> bool:
     """Whether no force alone is beyond `limits.force`, which TS610 reports."""
     most, share = stage.limits.force, shares_of(stage).force
-    own = [abs(value) for axis, value in stage.set_points.items() if not axis.is_rotation]
+    own = [abs(value) for axis, value in stage.set_points.constant.items() if not axis.is_rotation]
     return most is not None and all(value <= share * most for value in own)
 
 
 def _wanted(stage: StagePlan, rotation: Vector) -> Vector:
     """(6,) the set points alone, in the world's axes."""
-    values = np.array([stage.set_points.get(a, 0.0) for a in AXES])
+    values = np.array([stage.set_points.constant.get(a, 0.0) for a in AXES])
     return np.concatenate([rotation @ values[:3], rotation @ values[3:]])
 
 
 def _add_set_points(stage: StagePlan, rotation: Vector, about: Vector, system: RowSystem) -> None:
     inside = np.kron(np.eye(2), rotation.T) @ about
-    for axis, value in stage.set_points.items():
+    for axis, value in stage.set_points.constant.items():
         key, dimension = axis.effort, axis.of(FORCE)
         text = f"{show(value, dimension)} {'about' if axis.is_rotation else 'along'} {axis!r}"
         place = FILE.stages[stage.name].axes[axis][key]
-        cause = Cause("set point", text, place, f"lower the {key}", value, dimension)
+        cause = RowCause("set point", text, place, f"lower the {key}", value, dimension)
         system.add(inside[axis.row], value, value, cause)
 
 
@@ -144,7 +144,7 @@ def _add_limits(stage: StagePlan, about: Vector, wanted: Vector, system: RowSyst
             continue
         most = part * bound
         text = f"limits.{key}, {show(bound, Limits.dimension_of(key))}{kept(part)}"
-        cause = Cause("limit", text, limit_place(stage, key), "raise the limit")
+        cause = RowCause("limit", text, limit_place(stage, key), "raise the limit")
         for direction in _directions(wanted[first : first + 3]):
             system.add(direction @ about[first : first + 3], -np.inf, most, cause)
 
@@ -168,14 +168,14 @@ def _add_contacts(
         push[own] = -normal
         text = f"{name!r}, which can only push back"
         remedy = "press against the outward normal"
-        cause = Cause("contact", text, key_of(FILE.world[name]), remedy)
+        cause = RowCause("contact", text, key_of(FILE.world[name]), remedy)
         system.add(push, 0.0, np.inf, cause)
         given = "friction" in shapes[name].model_fields_set
         place = FILE.world[name].friction
         text, remedy = f"the friction of {name!r}, {whole:g}{kept(share)}", "press harder"
         if not whole:
             text, remedy = f"{name!r}, which has no friction", "declare the friction it has"
-        cause = Cause("contact", text, place if given else key_of(place), remedy)
+        cause = RowCause("contact", text, place if given else key_of(place), remedy)
         for tangent in _tangents(normal, wanted):
             row = np.zeros(system.size)
             row[own] = tangent
@@ -184,7 +184,7 @@ def _add_contacts(
     text, remedy = "the size of the tool's face", "press harder"
     if not moments_too:
         text, remedy = "a ball, which touches in one point and bears no moment", "take a flat tool"
-    cause = Cause("face", text, None, remedy)
+    cause = RowCause("face", text, None, remedy)
     for row in (*moments, *-moments):
         system.add(row - lean, -np.inf, 0.0, cause)
 
@@ -200,7 +200,7 @@ def _add_torques(
             continue
         dimension = FORCE.on(rotation=turns_at(robot, i))
         text = f"joint {i + 1} ({show(float(most), dimension)}{kept(share)})"
-        cause = Cause(TORQUE, text, None, OTHERWISE)
+        cause = RowCause(TORQUE, text, None, OTHERWISE)
         # Gravity alone is always allowed.
         low, high = min(-share * most - gravity[i], 0.0), max(share * most - gravity[i], 0.0)
         if share == 1.0:

@@ -50,7 +50,7 @@ def _forces(stage: StagePlan) -> Vector:
         level = context.surfaces[name].level and not shape.gives_way and not moves
         if shape.friction > 0 or not (level or name == followed):
             return _ALL
-        normal = stage.rotation[:, 2] if name == followed else stage.normal_of(name)
+        normal = stage.rotation[:, 2] if name == followed else stage.contacts.normal(name)
         columns.append(normal[:, None])
     columns += [gradients(context, model) for model in context.equations.values()]
     return _basis(np.hstack(columns))

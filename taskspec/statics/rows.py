@@ -18,7 +18,7 @@ Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Cause:
+class RowCause:
     """What a row comes from.
 
     Attributes:
@@ -87,9 +87,9 @@ class RowSystem:
     rows: list[Vector] = field(default_factory=list)
     lower: list[float] = field(default_factory=list)
     upper: list[float] = field(default_factory=list)
-    causes: list[Cause] = field(default_factory=list)
+    causes: list[RowCause] = field(default_factory=list)
 
-    def add(self, row: Vector, lower: float, upper: float, cause: Cause) -> None:
+    def add(self, row: Vector, lower: float, upper: float, cause: RowCause) -> None:
         """Add a row (size,)."""
         self.rows.append(row)
         self.lower.append(lower)

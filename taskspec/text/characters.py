@@ -22,7 +22,7 @@ _FORBIDDEN = re.compile(
     "\ud800-\udfff\U0001fffe\U0001ffff\U000e0000-\U000e0fff]"
 )
 """Control, bidi, invisible and lone surrogate characters, and spaces that are none to YAML."""
-_LISTED = 20
+_MOST_REPORTS = 20
 
 
 def normal(text: str) -> str:
@@ -36,12 +36,12 @@ def readable(text: str, diagnostics: Diagnostics) -> str | None:
     Returns None if tabs indent it, since its structure cannot be known then.
     """
     matches = list(_FORBIDDEN.finditer(text))
-    for match in matches[:_LISTED]:
+    for match in matches[:_MOST_REPORTS]:
         diagnostics.error(
             "TS002",
             f"{_named(match[0])} may not stand in a task file",
             _span(text, match.start()),
-            "delete it" + (_more(matches) if len(matches) > _LISTED else ""),
+            "delete it" + (_more(matches) if len(matches) > _MOST_REPORTS else ""),
         )
     if matches:
         text = _FORBIDDEN.sub(" ", text)
@@ -72,7 +72,7 @@ def _named(character: str) -> str:
 
 
 def _more(matches: list[re.Match[str]]) -> str:
-    return f"; {len(matches) - _LISTED} more follow"
+    return f"; {len(matches) - _MOST_REPORTS} more follow"
 
 
 def _span(text: str, index: int) -> Span:

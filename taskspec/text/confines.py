@@ -57,7 +57,7 @@ _MOVED: ContextVar[tuple[Path, Path] | None] = ContextVar("moved", default=None)
 
 @contextmanager
 def moved(root: Path, folder: Path) -> Iterator[None]:
-    """Has files that are named by absolute paths below `root` be looked for below `folder`."""
+    """Has files that are named by absolute paths below `root` be searched below `folder`."""
     token = _MOVED.set((root, folder))
     try:
         yield

@@ -156,14 +156,14 @@ class Diagnostics:
     def sorted(self) -> tuple[Diagnostic, ...]:
         """The findings by source and place; those without a place first.
 
-        What several uses of one text are told alike is told once, with all that led there.
+        Equal findings about several uses of one text are reported once, with all their notes.
         """
-        told: dict[Diagnostic, dict[Note, None]] = {}
+        reported: dict[Diagnostic, dict[Note, None]] = {}
         for found in self._found:
             span = found.span and replace(found.span, via=())
-            notes = told.setdefault(replace(found, span=span, notes=()), {})
+            notes = reported.setdefault(replace(found, span=span, notes=()), {})
             notes.update(dict.fromkeys(found.notes))
-        alike = (replace(found, notes=tuple(notes)) for found, notes in told.items())
+        alike = (replace(found, notes=tuple(notes)) for found, notes in reported.items())
         return tuple(sorted(alike, key=_order))
 
     @property

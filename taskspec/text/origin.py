@@ -29,7 +29,7 @@ class Origin:
     def at(self, start: int, end: int) -> Span:
         """The place of the characters `start` to `end` (exclusive) of the value.
 
-        Where escapes or folding hide the way back, that is the whole scalar.
+        Where escapes or folding hide the position, that is the whole scalar.
         """
         if not self._offsets:
             self._offsets.extend(_align(self.value, self.raw, self.skip))

@@ -6,15 +6,15 @@ import difflib
 from collections.abc import Iterable
 from itertools import islice
 
-_LISTED = 12
+_MOST_CHOICES = 12
 """Longer lists of choices are not read by anyone."""
-_COMPARED = 300
+_MOST_COMPARISONS = 300
 """Comparing with more names than this would take longer than reading the file."""
 
 
 def closest(word: str, options: Iterable[str]) -> str | None:
     """The option most like `word`, or None if none is like it."""
-    folded = {_fold(c): c for c in islice(options, _COMPARED)}
+    folded = {_fold(c): c for c in islice(options, _MOST_COMPARISONS)}
     wanted = _fold(word)
     if wanted in folded:
         return folded[wanted]
@@ -39,6 +39,6 @@ def suggestion(word: str, options: Iterable[str], what: str = "") -> str:
     if near is not None:
         return f"did you mean '{near}'?"
     if what and choices:
-        shown = ", ".join(choices[:_LISTED]) + (", …" if len(choices) > _LISTED else "")
+        shown = ", ".join(choices[:_MOST_CHOICES]) + (", …" if len(choices) > _MOST_CHOICES else "")
         return f"{what}: {shown}"
     return ""

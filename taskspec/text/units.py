@@ -228,7 +228,7 @@ MEASURES = (
     Measure("an angular jerk", ANGULAR_JERK, "rad/s^3", ("rad/s^3", "deg/s^3")),
     Measure("a length per angle", LENGTH / ANGLE, "m/rad", ("mm/rad", "m/rad", "mm/turn")),
 )  # fmt: skip
-"""The one table of units: whatever shows a quantity asks it."""
+"""The one table of units: whatever shows a quantity uses it."""
 
 # Of measures with one dimension the first is meant where nothing but the dimension is known.
 _OF_DIMENSION: dict[Dimension, Measure] = {}

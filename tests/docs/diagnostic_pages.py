@@ -12,12 +12,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from taskspec.examination import check_task
 from taskspec.spec import load_task
 from taskspec.text.codes import CODES
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.render import render
 from taskspec.text.source import Source
+from taskspec_runner.trial.check import check
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "diagnostics"
 INDEX = FOLDER / "README.md"
@@ -94,7 +94,7 @@ def diagnostics_of(
         loaded = load_task(path, dict(pair.split("=", 1) for pair in sets))
     except SpecError as error:
         return error.diagnostics, dict(error.sources)
-    return check_task(loaded), dict(loaded.sources)
+    return check(loaded).findings, dict(loaded.sources)
 
 
 def shown_of(found: tuple[Diagnostic, ...], sources: dict[str, Source], folder: Path) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from documents import ROOT, TASKS, text_of
 
-from taskspec_runner.runs import Run
+from taskspec_runner.result import RunResult
 
 PAGE = ROOT / "docs" / "python.md"
 
@@ -39,4 +39,4 @@ def test_links_lead_somewhere():
 
 def test_verdicts_and_attributes_are_those_of_a_result():
     named = set(re.findall(r"result\.(\w+)", text_of(PAGE)))
-    assert named <= set(dir(Run)) | {"folder"}
+    assert named <= set(dir(RunResult)) | {"folder"}

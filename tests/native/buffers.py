@@ -55,7 +55,7 @@ def own_code(function: ca.Function, level: int = 1) -> Evaluate:
 
 @cache
 def interpreter() -> Engine:
-    return Engine([interpreter_ir()], level=2, store=NOTHING)
+    return Engine([interpreter_ir()], store=NOTHING)
 
 
 def by_interpreter(function: ca.Function, engine: Engine | None = None) -> Evaluate:

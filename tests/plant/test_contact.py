@@ -122,7 +122,7 @@ def test_a_force_is_seen_one_plant_step_late(simulate, times):
 
 def test_rigid_is_as_stiff_as_the_steps_allow(simulate):
     run = simulate(press("plane", "stiffness: rigid"))
-    k = run.program.stages[0].plan.stiffness
+    k = run.program.stages[0].plan.environment.stiffness
     robot, start = run.program.context.robot, run.program.context.start
     table = run.program.context.loaded.task.world["thing"]
     # Half a radian of the contact's oscillation in one step of 1 ms.

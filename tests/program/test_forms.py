@@ -179,7 +179,7 @@ def test_a_frame_on_an_object_touches_that_object(simulate):
             world,
         )
     )
-    assert run.program.stages[2].plan.contact == "block"
+    assert run.program.stages[2].plan.contacts.main == "block"
     assert run["force.z"][-1] == pytest.approx(-10, rel=1e-3)
 
 

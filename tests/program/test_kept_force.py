@@ -44,6 +44,6 @@ def test_the_last_set_point_is_kept(simulate, law, force, last):
 
 def test_a_known_force_is_known_before_the_run(simulate):
     first = simulate(TASK.format(law="hybrid", force="-12 N")).program.stages
-    assert [stage.plan.set_point_of("z") for stage in first] == [-12.0] * 3
+    assert [stage.plan.set_points.of("z") for stage in first] == [-12.0] * 3
     later = simulate(TASK.format(law="hybrid", force="-10 N - t*1 N/s")).program.stages
-    assert [stage.plan.set_point_of("z") for stage in later] == [None] * 3
+    assert [stage.plan.set_points.of("z") for stage in later] == [None] * 3

@@ -90,14 +90,14 @@ def test_each_axis_has_the_object_ahead_of_it():
         "off: {axes: {y: {velocity: -10 mm/s}}, time: 1 s}",
     )
     corner = task.stages["corner"]
-    assert corner.contacts == {"x": None, "y": "fence", "z": "table"}
-    assert corner.gap_contact is None
-    assert corner.touched == ("table", "fence")
-    assert corner.environment["y"] == 500.0
-    assert corner.environment["z"] == 20e3
+    assert corner.contacts.by_axis == {"x": None, "y": "fence", "z": "table"}
+    assert corner.contacts.of_gap is None
+    assert corner.contacts.touched == ("table", "fence")
+    assert corner.environment.by_axis["y"] == 500.0
+    assert corner.environment.by_axis["z"] == 20e3
     # Friction along x would be that of what the stage is about.
-    assert corner.contact_of(Axis.X) == "table"
-    assert task.stages["off"].contacts["y"] == "fence"  # which the tool leaves
+    assert corner.contacts.of(Axis.X) == "table"
+    assert task.stages["off"].contacts.by_axis["y"] == "fence"  # which the tool leaves
 
 
 def test_a_pad_that_is_nearer_but_never_touched_decides_nothing():
@@ -107,7 +107,7 @@ def test_a_pad_that_is_nearer_but_never_touched_decides_nothing():
     beside = planned(f"{TABLE}, {pad}", "press: {axes: {z: {force: -5 N}}, time: 1 s}")
     context = beside.context
     assert min(context.start_gaps, key=lambda o: context.start_gaps[o]) == "pad"
-    assert beside.stages["press"].contact == "table"
+    assert beside.stages["press"].contacts.main == "table"
     assert beside.stages["press"].gains == alone.stages["press"].gains
 
 
@@ -120,10 +120,10 @@ def test_the_object_ahead_is_looked_for_from_where_the_stage_starts():
         "over: {axes: {y: {move: 150 mm}}}",
         f"there: {{axes: {{z: {SLOWLY}}}, until: force.z < -1 N, within: {{time: 9 s}}}}",
     )
-    assert task.stages["here"].approached == "table"
-    there = task.stages["there"].tool[0]
+    assert task.stages["here"].contacts.approached == "table"
+    there = task.stages["there"].kinematics.tool[0]
     assert there[1] == pytest.approx(0.15)
-    assert task.stages["there"].approached == "shelf"
+    assert task.stages["there"].contacts.approached == "shelf"
 
 
 def test_the_file_names_the_object():
@@ -134,9 +134,9 @@ def test_the_file_names_the_object():
         "all: {contact: fence, axes: {z: {force: -5 N}}, time: 1 s}",
         "one: {contact: fence, axes: {z: {force: -5 N, contact: table}}, time: 1 s}",
     )
-    assert task.stages["axis"].contacts == {"x": None, "y": "fence", "z": "fence"}
-    assert set(task.stages["all"].contacts.values()) == {"fence"}
-    assert task.stages["one"].contacts == {"x": "fence", "y": "fence", "z": "table"}
+    assert task.stages["axis"].contacts.by_axis == {"x": None, "y": "fence", "z": "fence"}
+    assert set(task.stages["all"].contacts.by_axis.values()) == {"fence"}
+    assert task.stages["one"].contacts.by_axis == {"x": "fence", "y": "fence", "z": "table"}
 
 
 def test_a_force_along_a_followed_surface_is_returned_by_what_stands_on_it():
@@ -145,7 +145,7 @@ def test_a_force_along_a_followed_surface_is_returned_by_what_stands_on_it():
         "corner: {axes: {y: {force: 2 N}, z: {force: -5 N}}, time: 1 s}",
         head=HEAD + "frames: {{on: {{surface: table}}}}\nframe: on\n",
     )
-    assert task.stages["corner"].contacts == {"x": "table", "y": "fence", "z": "table"}
+    assert task.stages["corner"].contacts.by_axis == {"x": "table", "y": "fence", "z": "table"}
 
 
 def findings(world: str, *stages: str) -> list[str]:
@@ -159,7 +159,7 @@ def test_a_followed_surface_has_its_gap_where_forces_press_on_several_objects():
         "corner: {axes: {y: {force: 2 N}, z: {force: -5 N}}, time: 1 s}",
         head=HEAD + "frames: {{on: {{surface: table}}}}\nframe: on\n",
     )
-    assert task.stages["corner"].gap_contact is None
+    assert task.stages["corner"].contacts.of_gap is None
     assert compile_stage(task.stages["corner"]).name == "corner"
 
 

@@ -79,7 +79,7 @@ def test_a_loose_body_is_held_where_it_is():
     ball = "shape: sphere, xyz: [500 mm, 0, 350 mm], radius: 30 mm, free: true, mass: 200 g"
     program = compiled(ball, "", frame="world", grasp="part")
     np.testing.assert_allclose(program.context.start_p, [0.5, 0, 0.35], atol=1e-8)
-    assert program.stages[0].plan.contact is None
+    assert program.stages[0].plan.contacts.main is None
 
 
 @pytest.mark.parametrize(
@@ -127,10 +127,10 @@ def test_gains_are_designed_for_the_grip():
     axes = "x: {force: 0}, y: {force: 0}, z: {force: 0}, rx: {torque: 0}"
     program = compiled(HINGE + ", knob: free", axes, frame="part.handle")
     stage = program.stages[0]
-    assert stage.plan.stiffness == GRIP.stiffness
-    assert stage.plan.held == "part"
+    assert stage.plan.environment.stiffness == GRIP.stiffness
+    assert stage.plan.contacts.held == "part"
     damping = {a: g.value for a, g in stage.plan.gains["force.damping"].items()}
-    k = stage.plan.environment
+    k = stage.plan.environment.by_axis
     linear, angular = GRIP.stiffness, GRIP.angular_stiffness
     assert k == {"x": linear, "y": 0.0, "z": linear, "rx": angular, "ry": angular, "rz": 0.0}
     assert damping["y"] == 0.0
@@ -143,7 +143,7 @@ def test_at_its_hinge_a_door_gives_way_to_a_moment_alone():
     frames = "frames: {pivot: {parent: part, point: origin}}"
     program = compiled(HINGE, "rz: {velocity: 0.1 rad/s}", frame="pivot", frames=frames)
     stage = program.stages[0]
-    k = stage.plan.environment
+    k = stage.plan.environment.by_axis
     leaned = GRIP.angular_stiffness + GRIP.stiffness * 0.12**2
     assert k["rz"] == 0.0
     assert (k["rx"], k["ry"]) == (pytest.approx(GRIP.angular_stiffness), pytest.approx(leaned))

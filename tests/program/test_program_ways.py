@@ -1,24 +1,23 @@
-"""Ways on by condition, and stages that are repeated, on the closed loop run ahead."""
+"""Ways on by condition, and stages that are repeated, on the closed loop."""
 
 from __future__ import annotations
 
 import itertools
 
 import pytest
-from taskspec.analysis.rehearsal import rehearse
 
 from taskspec.compiler import compile_task
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
+from taskspec_runner.trial.trial import trial
 
 HEAD = "taskspec: 1\nrobot: {model: planar2}\nstages:\n"
 
 
 def way(stages: str) -> tuple[list[str], str]:
     """The stages of a run, one after the other, and how it ended."""
-    found = rehearse(compile_task(load_text(HEAD + stages, "t")))
-    changes = [found.names[i] for i, t in zip(found.index, found.times, strict=True) if t == 0]
-    return changes, found.status
+    found = trial(compile_task(load_text(HEAD + stages, "t")))
+    return [visit.stage for visit in found.history.visits()], found.outcome.status
 
 
 @pytest.mark.parametrize(

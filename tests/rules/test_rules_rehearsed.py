@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from taskspec.analysis import rehearsal
 from taskspec.foresight.doubts import doubted
 from taskspec.rules.predicted_forces import close_calls
 
 import taskspec_runner
+from taskspec.analysis import rehearsal
 from taskspec.examination import examine
 from taskspec.spec import load_text
 from taskspec.text.diagnostic import Diagnostic

@@ -303,7 +303,7 @@ def test_a_force_on_an_equation_is_designed_for_its_stiffness(side, law, simulat
     text = SHELF.format(side=side, law=law)
     assert findings(text) == []
     stage = plan_task(load_text(text, "task.yaml")).stages["press"]
-    assert stage.plants["z"].k == 4000.0
+    assert stage.design_rules.plants["z"].k == 4000.0
     assert analyse(compile_stage(stage)).pressed == pytest.approx(
         {"shelf": 8.0 if side[0] == "3" else -8.0}
     )
@@ -317,7 +317,11 @@ def test_an_equation_that_does_not_return_a_force_is_left_out():
     text = SHELF.format(side="z >= 300 mm", law="hybrid")
 
     def bears(old, new):
-        return plan_task(load_text(text.replace(old, new), "task.yaml")).stages["press"].bearers
+        return (
+            plan_task(load_text(text.replace(old, new), "task.yaml"))
+            .stages["press"]
+            .environment.bearers
+        )
 
     assert bears("z: {force: -8 N}", "z: {force: 8 N}") == {}
     assert bears("z: {force: -8 N}", "x: {force: -8 N}") == {}

@@ -20,7 +20,6 @@ from taskspec_runner.cli import app
 from taskspec_runner.compare import read_comparison
 from taskspec_runner.compare.attempt import AS_WRITTEN
 from taskspec_runner.compare.overlay import COLOURS, overlay, role
-from taskspec_runner.compare.picture import HERE
 from taskspec_runner.compare.ranking import ranks
 from taskspec_runner.compare.summary import largest
 from taskspec_runner.compare.tracking import best, force_axes, tracking
@@ -289,10 +288,11 @@ def test_picture_is_well_formed_and_has_a_line_a_law(tap: Path) -> None:
         assert own.count("cross") == 3
 
 
-def test_colours_of_page_and_picture_are_the_same() -> None:
+def test_colours_of_page_and_picture_are_the_same(tap: Path) -> None:
+    _, data = compare(tap, *laws("hybrid", "pd"))
     found = [
-        re.findall(r"--law(\d): ?(#[0-9a-f]{6})", (HERE / name).read_text())
-        for name in ("compare.css", "compare.svg.j2")
+        re.findall(r"--law(\d): (#[0-9a-f]{6})", text.partition("</style>")[0])
+        for text in (Path(data[key]).read_text(encoding="utf-8") for key in ("page", "picture"))
     ]
     assert found[0] == found[1]
     assert len(found[0]) == 2 * COLOURS
@@ -405,7 +405,7 @@ def test_gains_stand_beside_results_and_those_that_differ_are_marked(tap: Path) 
     tap.write_text(OWN_GAINS)
     _, data = compare(tap, *laws("hybrid", "pd"))
     page = Path(data["page"]).read_text(encoding="utf-8")
-    table = re.search(r'<table class="wide cards gains">(.*?)</table>', page, re.S)
+    table = re.search(r'<table class="laws gains cards">(.*?)</table>', page, re.S)
     assert table is not None
     rows = dict(re.findall(r"</svg>\s*([\w -]+)</td>(.*?)</tr>", table[1], re.S))
     assert set(rows) == {AS_WRITTEN, "hybrid", "pd"}

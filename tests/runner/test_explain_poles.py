@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from taskspec.compiler import compile_unchecked
-from taskspec.prediction import look
 from taskspec.spec import load_text
 from taskspec_runner.cli.sheet.stability import stability_sheet
 
@@ -27,7 +26,7 @@ PARALLEL = (
 
 def account(law, k="10 kN/m", plant=1):
     program = compile_unchecked(load_text(PRESS.format(law=law, k=k, plant=plant), "press.yaml"))
-    return stability_sheet(program, look(program, program.stages[0].name))
+    return stability_sheet(program, program.stages[0].name)
 
 
 def bounds(found, what):
@@ -82,7 +81,7 @@ def test_a_stage_in_free_space_has_no_table():
         "taskspec: 1\nname: free\nrobot: {model: panda}\nstages: {go: {axes: {z: {move: 10 mm}}}}\n"
     )
     program = compile_unchecked(load_text(text, "free.yaml"))
-    assert stability_sheet(program, look(program, program.stages[0].name)) is None
+    assert stability_sheet(program, program.stages[0].name) is None
 
 
 def test_bounds_of_motion_loops_are_told_where_they_are_near():
@@ -100,6 +99,6 @@ def test_a_free_stage_near_a_bound_has_a_table():
         "stages: {go: {axes: {z: {move: 10 mm}}}}\n"
     )
     program = compile_unchecked(load_text(text, "free.yaml"))
-    found = stability_sheet(program, look(program, program.stages[0].name))
+    found = stability_sheet(program, program.stages[0].name)
     assert found.where == "nothing touched, at the start pose"
     assert list(bounds(found, "bandwidth on x y z").values()) == ["< 131.8 Hz"]

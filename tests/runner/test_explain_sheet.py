@@ -1,39 +1,64 @@
-"""The sheet of a task: what `explain` says of constraints and of what is expected, and as data."""
+"""The sheet of a task: what `explain` says of constraints and of its trial, and as data."""
 
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from taskspec.compiler import compile_unchecked
-from taskspec.prediction import predict
 from taskspec.spec import load_task, load_text
 from taskspec_runner.cli.app import app
-from taskspec_runner.cli.sheet.sheet import sheet
+from taskspec_runner.cli.sheet.at_rest import grouped
+from taskspec_runner.cli.sheet.collisions import collision_rows
 from taskspec_runner.cli.sheet.stage import stage_sheet
+from taskspec_runner.cli.sheet.visits import stage_trials
+from taskspec_runner.trial.trial import trial
+from taskspec_runner.verdict.response import responses
 
 TASKS = Path(__file__).parents[2] / "tasks"
 
 
 def accounts(loaded):
-    """Stages by name, without poles, which take most of the time."""
+    """Stages by name as the plan has them: without a trial and poles, which take time."""
     program = compile_unchecked(loaded)
-    predicted = predict(program, {})
-    return {s.name: stage_sheet(program, s, predicted[s.name]) for s in program.stages}
+    return {s.name: stage_sheet(program, s, None, None) for s in program.stages}
+
+
+def tried(loaded):
+    """Stages by name with what they came to, and the trial."""
+    program = compile_unchecked(loaded)
+    one = trial(program)
+    came_to = stage_trials(one)
+    return {s.name: stage_sheet(program, s, one, came_to[s.name]) for s in program.stages}, one
 
 
 @pytest.fixture(scope="module")
 def stages():
-    """Stages of shipped tasks by name, each task told once."""
+    """Stages of shipped tasks by name, each task planned once."""
     told = {}
 
     def find(task, stage):
         if task not in told:
             told[task] = accounts(load_task(TASKS / f"{task}.yaml"))
         return told[task][stage]
+
+    return find
+
+
+@pytest.fixture(scope="module")
+def tried_stages():
+    """Stages of shipped tasks by name, and the trial; each task is run once."""
+    told = {}
+
+    def find(task):
+        if task not in told:
+            told[task] = tried(load_task(TASKS / f"{task}.yaml"))
+        return told[task]
 
     return find
 
@@ -79,25 +104,78 @@ def test_constraints_of_an_axis(stages, task, stage, row):
 @pytest.mark.parametrize(
     ("task", "stage", "row"),
     [
-        ("wipe-table", "approach",
-         ("impact on table", "up to 8.2 N, 7.1 N of it before the guard",
-          "up to 16 N at table.stiffness = 80 kN/m",
-          "3.7 kg at 30 mm/s on 20 kN/m")),
-        ("wipe-table", "approach", ("duration", "1.45 s, at most 4 s", "", "comes to table")),
-        ("wipe-table", "wipe",
-         ("into table", "0.75 mm", "3 mm at table.stiffness = 5 kN/m", "f / k")),
+        # Signal, set point, at rest, closed form, its source.
+        ("wipe-table", "wipe", ("force.z", "-15 N", "-15 N", "-15 N", "set point")),
+        ("wipe-table", "wipe", ("table.gap", "-", "-0.728 mm", "-", "")),
+        ("tilted-force", "press", ("force.y", "0", "0", "0", "(4.41)")),
         ("crank", "rotate",
-         ("force.x force.z torque.rx torque.ry", "0", "", "set point")),
-        ("crank", "rotate", ("crank.torque", "0.167 N*m", "", "friction and damping")),
-        ("tilted-force", "press",
-         ("drift", "20.8 mm/s", "", "of set points that nothing returns")),
-        ("linkage", "up", ("into bars", "0.0573 deg", "", "f / k")),
-        ("press-pd", "press", ("force.z", "-20 N", "", "(4.26), (4.27)")),
+         ("crank.torque", "-", "0.167 N*m", "0.167 N*m", "friction and damping")),
+        ("tilted-force", "press", ("force.x", "0", "3.42 N", "3.42 N", "(4.48)")),
+        ("press-pd", "press", ("force.z", "-", "-20 N", "-20 N", "(4.26), (4.27)")),
+        ("press-pd", "press", ("position.z", "-12 mm", "-2 mm", "-", "")),
     ],
 )  # fmt: skip
-def test_what_is_expected(stages, task, stage, row):
-    found = [(e.what, e.value, e.worst, e.source) for e in stages(task, stage).expected]
-    assert row in found
+def test_what_signals_settle_at(tried_stages, task, stage, row):
+    found = [*grouped(tried_stages(task)[0][stage].at_rest)]
+    assert row in [(c[0], c[1], c[2], c[5], c[6]) for c in found]
+
+
+def test_a_stage_in_its_trial(tried_stages):
+    """It is what the columns have: when it was entered, its largest force, its blow."""
+    sheets, one = tried_stages("wipe-table")
+    approach = sheets["approach"].trial
+    first, second, _ = one.history.visits()
+    assert [v.to for name in sheets for v in sheets[name].trial.visits] == [
+        "wipe",
+        "retreat",
+        "end",
+    ]
+    assert approach.visits[0].lasts == pytest.approx(1e-3 * (first.last + 1))
+    assert sheets["wipe"].trial.visits[0].begins == pytest.approx(1e-3 * second.first)
+    assert dict(approach.rows)["trial"] == (
+        "at 0 s for 1.447 s, until force.z < -2 N for 10 ms -> wipe"
+    )
+    force = [one.history.columns[f"force.{axis}"][first.rows] for axis in "xyz"]
+    assert approach.peaks["force"] == pytest.approx(np.linalg.norm(force, axis=0).max())
+    touch = approach.touch
+    assert one.history.columns["touching"][touch.touch.row - 1 : touch.touch.row + 1].tolist() == [
+        0.0,
+        1.0,
+    ]
+    assert touch.touch.contact == "table"
+    assert touch.touch.speed == pytest.approx(0.03, rel=1e-3)
+    assert touch.touch.peak == pytest.approx(0.03 * (touch.touch.mass * 20e3) ** 0.5, rel=1e-3)
+    # The stage after it presses too: the contact bears at least what is left of the blow.
+    assert touch.touch.peak / math.e < touch.force < 1.3 * touch.touch.peak
+    # What pressed before begins no touch of its own.
+    assert sheets["wipe"].trial.touch is None
+
+
+def test_a_response_is_that_of_the_summary(tried_stages):
+    sheets, one = tried_stages("wipe-table")
+    row = next(r for r in sheets["wipe"].at_rest if r.signal == "force.z")
+    period = one.program.context.period
+    kept = responses(one.history, {"wipe": {"force.z": None}}, period, {})["wipe"]["force.z"]
+    assert row.rest == kept["rest"]
+    assert row.overshoot == kept["overshoot"]
+    assert row.settling_time == kept["settling_time"]
+
+
+def test_stages_that_are_visited_often_and_never():
+    text = """
+taskspec: 1
+name: turns
+robot: {model: planar2, start: {xyz: [400 mm, 100 mm, 0]}}
+stages:
+  go: {axes: {x: {move: 1 mm}}, repeat: 5, next: end}
+  never: {axes: {x: {move: 1 mm}}}
+"""
+    sheets, _ = tried(load_text(text, "turns.yaml"))
+    assert len(sheets["go"].trial.visits) == 5
+    rows = [value for key, value in sheets["go"].trial.rows if key == "trial"]
+    assert len(rows) == 4
+    assert rows[-1] == "5 visits in all"
+    assert [*sheets["never"].trial.rows] == [("trial", "does not come to this stage")]
 
 
 GRIPPED = """
@@ -146,36 +224,55 @@ stages: {press: {constraints: {slope: {force: 5 N}}, axes: {x: {move: 10 mm}}}}
     assert tied["x"] == "f_x = 0.75 f_z (slope)"
 
 
-def test_as_data():
-    result = CliRunner().invoke(
-        app, ["explain", str(TASKS / "wipe-table.yaml"), "--format", "json"]
-    )
+def data_of(*options):
+    arguments = ["explain", str(TASKS / "wipe-table.yaml"), "--format", "json", *options]
+    result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
-    data = json.loads(result.stdout)
+    return json.loads(result.stdout)
+
+
+def test_as_data():
+    data = data_of()
     approach, wipe, _ = data["stages"]
     # SI, in the signs of the file.
-    assert wipe["prediction"]["equilibrium"]["force.z"]["value"] == -15.0
-    depth = wipe["prediction"]["depths"]["table"]
-    assert depth["depth"] == pytest.approx(15 / 20e3)
-    assert depth["worst"]["with"] == [
-        {"path": "world.table.stiffness", "index": None, "value": 5000.0}
-    ]
-    impact = approach["prediction"]["impact"]
-    assert impact["peak"] == pytest.approx(0.03 * (impact["mass"] * 20e3) ** 0.5)
-    z = wipe["prediction"]["settling"]["z"]
-    assert z["settling_time"] == pytest.approx(3.912 * z["time_constant"], rel=1e-3)
+    force = next(row for row in wipe["at_rest"] if row["signal"] == "force.z")
+    assert force["law"] == {"value": -15.0, "source": "set point"}
+    assert force["rest"] == pytest.approx(-15.0, abs=0.01)
+    gap = next(row for row in wipe["at_rest"] if row["signal"] == "table.gap")
+    # The simulator's friction of a tool that slides bears 4 % of what presses.
+    assert gap["rest"] == pytest.approx(-15 / 20e3, rel=0.05)
+    touch = approach["trial"]["touch"]
+    assert touch["blow"] == pytest.approx(touch["speed"] * (touch["mass"] * 20e3) ** 0.5)
     assert wipe["selection"]["S_f"] == "diag(0 0 1 0 0 0)"
-    assert wipe["prediction"]["natural"][2]["state"] == "there"
-    assert data["duration"]["expected"] == pytest.approx(10.147, abs=0.01)
+    assert wipe["natural"][2]["state"] == "there"
+    assert wipe["selected"]["axes"] == ["x", "y", "z", "rx", "ry", "rz"]
+    trial = data["trial"]
+    assert (trial["status"], trial["exit_code"]) == ("done", 0)
+    assert trial["duration"] == pytest.approx(10.147)
+    assert [each["passed"] for each in trial["expectations"]] == [True, True, True]
 
 
-def test_what_is_only_otherwise_in_truth_is_no_worst_of_vary():
-    path, changed = str(TASKS / "press-hybrid.yaml"), "truth.world.table.stiffness=5 kN/m"
-    shown = CliRunner().invoke(app, ["explain", path, "--set", changed]).output
-    heads = [line.split() for line in shown.splitlines() if line.split()[:1] == ["predicted"]]
-    assert ["predicted", "is", "in", "truth", "from"] in heads
-    assert not any("vary" in head for head in heads)
-    assert "4 mm at table.stiffness = 5 kN/m" in shown
+def test_without_a_trial_the_plan_stays():
+    data = data_of("--static")
+    assert data["trial"] is None
+    assert [stage["trial"] for stage in data["stages"]] == [None, None, None]
+    (force,) = data["stages"][1]["at_rest"]
+    assert (force["law"]["value"], force["rest"]) == (-15.0, None)
+    arguments = ["explain", str(TASKS / "wipe-table.yaml"), "--static"]
+    shown = CliRunner().invoke(app, arguments).stdout
+    rows = [" ".join(line.split()) for line in shown.splitlines()]
+    assert "trial left out: --static" in rows
+    assert "force.z -15 N set point" in rows
+    assert not any(row.startswith(("peaks", "first touch")) for row in rows)
+
+
+def test_a_trial_that_does_not_come_to_its_end_says_where():
+    changed = "stages.approach.within={time: 0.5 s}"
+    arguments = ["explain", str(TASKS / "wipe-table.yaml"), "--set", changed]
+    shown = CliRunner().invoke(app, arguments).stdout
+    rows = [" ".join(line.split()) for line in shown.splitlines()]
+    assert any(row.startswith("trial fails in stage 'approach' after 0.5 s") for row in rows)
+    assert rows.count("trial does not come to this stage") == 2
 
 
 def test_a_code_as_data():
@@ -209,15 +306,11 @@ stages:
 
 def test_what_is_not_held_against_the_links_is_said():
     program = compile_unchecked(load_text(WORLD, "t.yaml"))
-    (text,) = [value for key, value in sheet(program).robot if key == "collisions"]
+    (text,) = [value for key, value in collision_rows(program) if key == "collisions"]
     assert text == (
         "links are held against table; not against belt, which moves; not against part, which "
         "is loose; not against plate, which rides on a mechanism"
     )
-    corner = sheet(compile_unchecked(load_task(TASKS / "corner.yaml")))
-    assert dict(corner.robot)["collisions"] == (
-        "links are held against floor, wall; not in 'press', 'slide', whose ways are not known"
-    )
     empty = WORLD[: WORLD.index("world:")] + WORLD[WORLD.index("stages:") :]
     program = compile_unchecked(load_text(empty, "t.yaml"))
-    assert "collisions" not in dict(sheet(program).robot)
+    assert not [*collision_rows(program)]

@@ -20,9 +20,9 @@ from typer.testing import CliRunner
 from taskspec.signals import SCALARS, VECTORS
 from taskspec.spec import load_task, load_text
 from taskspec_runner.cli import app
+from taskspec_runner.pages import decimate, samples
 from taskspec_runner.record import file_array, mapped
 from taskspec_runner.record.history import HistoryBuilder, column_field
-from taskspec_runner.report import decimate, drawn
 from taskspec_runner.report.page import render
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
@@ -173,7 +173,7 @@ def test_page_that_draws_fewer_ticks_names_the_command_for_all(
 ) -> None:
     run = execute(load_text(TAP, "tap.yaml"), tmp_path / "run", report=False)
     assert "taskspec export" not in render(run)
-    monkeypatch.setattr(drawn, "POINTS_BYTES", 1000)
+    monkeypatch.setattr(samples, "POINTS_BYTES", 1000)
     monkeypatch.setattr(decimate, "POINTS", 60)
     assert f"taskspec export {run.folder.name} --csv --from 0 --to 1" in render(run)
 

@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 import pytest
-from taskspec.analysis import oscillation as oscillations
 from typer.testing import CliRunner
 
+from taskspec.analysis import oscillation as oscillations
 from taskspec.compiler import admit, compile_unchecked
 from taskspec.examination import examine
 from taskspec.spec import load_text

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from short_tasks import TAP
 from taskspec.compiler import compile_task
 from taskspec.spec import load_text
 from taskspec_runner.session import execute_program
-from taskspec_runner.verdict import predicted as prediction
 
 
 def summary(folder: Path, text: str = TAP, **overrides: str) -> dict[str, Any]:
@@ -44,12 +42,11 @@ def test_the_response_of_a_press(tap_summary: dict[str, Any]) -> None:
     assert tap_summary["contact"] == {"hold": {"losses": 0, "time": 0.0}}
 
 
-def test_what_was_predicted_is_kept(tap_summary: dict[str, Any]) -> None:
-    told = tap_summary["predicted"]
-    assert list(told) == ["approach", "hold"]
-    assert told["hold"]["equilibrium"]["force.x"]["value"] == 5.0
-    assert told["hold"]["settling"]["x"]["time_constant"] > 0
-    assert told["hold"]["duration"] == pytest.approx(0.3)
+def test_closed_forms_at_rest_are_kept(tap_summary: dict[str, Any]) -> None:
+    assert tap_summary["rest_values"] == {
+        "approach": {},
+        "hold": {"force.x": {"value": 5.0, "source": "set point"}},
+    }
 
 
 def test_expectations_know_their_lines(tap_summary: dict[str, Any]) -> None:
@@ -75,17 +72,3 @@ def test_findings_are_kept_without_the_place_of_the_file(tmp_path: Path) -> None
     assert "force: press" in text.splitlines()[open_loop["line"] - 1]
     assert open_loop["source"] == ""
     assert str(tmp_path) not in json.dumps(found)
-
-
-def test_a_run_that_cannot_be_predicted_is_a_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    def fails(_: object) -> None:
-        raise ZeroDivisionError
-
-    monkeypatch.setattr(prediction, "predict", fails)
-    with caplog.at_level(logging.WARNING):
-        found = summary(tmp_path / "run")
-    assert found["status"] == "done"
-    assert found["predicted"] == {}
-    assert "cannot be predicted" in caplog.text

@@ -161,7 +161,7 @@ def test_a_stop_shows_the_chart_of_its_limit(browser: Browser, pages: dict[str, 
     assert browser.run(f"{main}.querySelectorAll('.plot .level.limit').length") >= 2
 
 
-def test_charts_show_stages_events_limits_bands_and_predictions(
+def test_charts_show_stages_events_limits_bands_and_values_at_rest(
     browser: Browser, pages: dict[str, Path]
 ) -> None:
     shown(browser, pages["good"])
@@ -173,7 +173,7 @@ def test_charts_show_stages_events_limits_bands_and_predictions(
     assert browser.run(f"{main}.querySelectorAll('.level.predicted').length") >= 1
     torques = "document.querySelector('[data-chart=\"joint torques\"] .plot')"
     assert browser.run(f"{torques}.querySelectorAll('.level.limit').length") == 2
-    # Predictions are dashed.
+    # A value at rest is dashed.
     style = f"getComputedStyle({main}.querySelector('.level.predicted')).strokeDasharray"
     assert browser.run(style) != "none"
 

@@ -305,16 +305,3 @@ def test_a_chart_is_saved_as_svg_and_png(
     assert len(image.getcolors(1 << 24) or ()) > 20
     assert (sum(image.getpixel((2, 2))) < 200) is dark  # type: ignore[arg-type]
     assert browser.errors == []
-
-
-def test_predicted_lines_are_told_apart(browser: Browser, pages: dict[str, Path]) -> None:
-    shown(browser, pages["good"])
-    looks = browser.run(
-        f"""[...{MAIN}.querySelectorAll(".legend li")]
-        .filter((i) => i.textContent.startsWith("predicted"))
-        .map((i) => [i.textContent, getComputedStyle(i.querySelector("path")).strokeDasharray])"""
-    )
-    assert len(looks) >= 2
-    dashes = [dash for _, dash in looks]
-    assert "none" not in dashes
-    assert len(set(dashes)) == len(dashes), looks

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from taskspec_runner.report.template import part
+from taskspec_runner.pages.document import part
 
 #: Linear RGB as seen without one kind of cone (Machado, Oliveira and Fernandes 2009).
 SEEN = {
@@ -37,7 +37,7 @@ APART = 15.0
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("cones", SEEN)
 def test_colours_are_apart(scheme: str, cones: str) -> None:
-    light, _, dark = str(part("report.css")).partition("prefers-color-scheme: dark")
+    light, _, dark = str(part("page.css")).partition("prefers-color-scheme: dark")
     chosen = light if scheme == "light" else dark
     colours = dict(re.findall(r"--(\w+): (#[0-9a-f]{6})", chosen.partition("}")[0]))
     for group in GROUPS:

@@ -1,4 +1,4 @@
-"""What a report tells beside its charts: what broke, margins, predictions, findings, responses."""
+"""What a report tells beside its charts: what broke, margins, closed forms, findings, responses."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from test_report import ESCAPED, NASTY, decoded, drawn, log, page, rewrite, tiny_summary
 
-from taskspec_runner.report.predictions import decay
-from taskspec_runner.report.template import prose
+from taskspec_runner.pages.html import prose
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.outcome import first_broken, verdict
 
@@ -47,13 +46,9 @@ def summary() -> dict[str, Any]:
         expectation("c < d", 0.25, line=4, signals=["press.table.gap"], stage="press"),
         expectation("e < f", None, margins=[margin(0.5, 0.25), margin(-2.0, -1.5)]),
     ]
-    found["predicted"] = {
-        "touch": {"impact": {"axis": "z", "peak": 8.0}, "duration": 0.25},
-        "press": {
-            "equilibrium": {"force.z": {"value": -15.0, "low": -15.0, "high": -15.0}},
-            "settling": {"z": {"time_constant": CONSTANT}},
-            "depths": {"table": {"depth": 0.75e-3}},
-        },
+    found["rest_values"] = {
+        "touch": {},
+        "press": {"force.z": {"value": -15.0, "source": "set point"}},
     }
     found["diagnostics"] = [
         {"code": "TS304", "severity": "warning", "message": f"open {NASTY}", "line": 1},
@@ -129,62 +124,36 @@ def test_margins_are_shown_with_what_is_left(folder: Path) -> None:
     assert "width: 0%" in cells[0]
 
 
-def test_predictions_are_drawn_where_their_stage_is(folder: Path) -> None:
-    charts = drawn(folder)["charts"]
-    levels = charts["force.z.ref"]["levels"]
+def test_values_at_rest_are_drawn_where_their_stage_is(folder: Path) -> None:
+    levels = drawn(folder)["charts"]["force.z.ref"]["levels"]
     assert [(x["start"], x["end"], x["value"], x["kind"]) for x in levels] == [
         (0.2, 0.8, -15.0, "predicted")
     ]
-    (depth,) = charts["gap"]["levels"]
-    # 15 N on 20 kN/m: below the surface.
-    assert depth["value"] == pytest.approx(-0.75)
 
 
-def test_the_predicted_peak_of_an_impact_is_on_the_side_of_the_force(folder: Path) -> None:
-    changed = summary()
-    changed["predicted"]["press"] = changed["predicted"].pop("touch")
-    rewrite(folder, changed)
-    (level,) = drawn(folder)["charts"]["force.z.ref"]["levels"]
-    assert level["value"] == -8.0
-
-
-def test_a_predicted_decay_runs_through_one_that_was_as_predicted(folder: Path) -> None:
-    run = Run(folder)
-    told = decay(run, "force.z", 1.0)
-    assert told is not None
-    rows = np.isfinite(told.values)
-    # From where the error is largest, for five time constants.
-    assert np.flatnonzero(rows)[[0, -1]].tolist() == [200, 200 + round(5 * CONSTANT / 1e-3) - 1]
-    np.testing.assert_allclose(told.values[rows], run.columns["force.z"][rows], rtol=1e-9)
-    labels = [t["label"] for t in drawn(folder)["charts"]["force.z.ref"]["traces"]]
-    assert "predicted decay, 30.0 ms" in labels
-
-
-def test_without_predictions_nothing_is_drawn_as_one(folder: Path) -> None:
-    old = {k: v for k, v in summary().items() if k not in ("predicted", "responses", "diagnostics")}
-    rewrite(folder, old)
+def test_without_closed_forms_nothing_is_drawn_as_one(folder: Path) -> None:
+    gone = ("rest_values", "responses", "diagnostics")
+    rewrite(folder, {k: v for k, v in summary().items() if k not in gone})
     charts = drawn(folder)["charts"]
     assert all(level["kind"] == "limit" for c in charts.values() for level in c["levels"])
-    assert all(t["style"] != "predicted" for c in charts.values() for t in c["traces"])
     assert decoded(charts["force.z.ref"]["traces"][0])
 
 
-@pytest.mark.parametrize("key", ["predicted", "responses", "diagnostics", "contact", "solver"])
+@pytest.mark.parametrize("key", ["rest_values", "responses", "diagnostics", "contact", "solver"])
 @pytest.mark.parametrize("value", [None, 3, [1], {"press": 3}, {"press": {"force.z": [1]}}])
 def test_summaries_of_any_kind_are_borne(folder: Path, key: str, value: object) -> None:
     rewrite(folder, summary() | {key: value})
     assert drawn(folder)["charts"]
 
 
-def test_responses_stand_beside_what_was_predicted(folder: Path) -> None:
+def test_responses_stand_beside_closed_forms(folder: Path) -> None:
     text = re.sub(r"<[^>]*>", " ", page(folder))
-    row = re.search(r"force\.z +−15\.0.*?ms +\n?.*?ms", text, re.S)
+    row = re.search(r"force\.z +−15\.0  N +−15\.0.*?ms", text, re.S)
     assert row is not None
-    for words in ("0.500  N, 10 %", "0.123", "±0.300  N, 2 %", "30.0  ms", "31.0  ms", "−14.9"):
+    for words in ("0.500  N, 10 %", "0.123", "±0.300  N, 2 %", "31.0  ms", "−14.9"):
         assert words in row[0]
     assert "Contact was lost 2 times, for 15 ms in all." in text
     assert "40 of 600 ticks needed the program, 3 had no answer and held a safe torque" in text
-    assert "of 0.250 s predicted" in text
 
 
 def test_findings_and_misses_stand_at_their_lines(folder: Path) -> None:

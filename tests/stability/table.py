@@ -37,9 +37,9 @@ Growth is the real part of the least stable pole [1/s], negative where it settle
 is that of the joint's motion between the two thirds; far past the boundary torque limits and the
 surface bound it, and far inside a quicker mode may still be the larger one, or nothing is left (-).
 
-**Told** is what `validate` says of the file: the gravest of TS501 and TS502. No case past its
-boundary is without an error. For every press errors begin at 0.981 of the critical gain or before,
-and there is one at 1.002 of it
+**Validate** is what `validate` reports of the file: the gravest of TS501 and TS502. No case past
+its boundary is without an error. For every press errors begin at 0.981 of the critical gain or
+before, and there is one at 1.002 of it
 (`test_an_error_from_two_percent_below_the_critical_gain_on` in
 `tests/stability/test_stability_grid.py`).
 """
@@ -54,7 +54,7 @@ HEAD = (
     "measured",
     "run",
     "does",
-    "told",
+    "validate",
 )
 
 

@@ -150,7 +150,7 @@ def test_what_is_broken_off_says_how_far_it_came(tap, tmp_path):
     glimpses = []
     sweep(program, worlds, tmp_path / "s", keep="none", watch=glimpses.append)
     assert [each.done for each in glimpses] == [2, 3, 4]
-    assert "more are on their way" in describe(glimpses[0])
+    assert "more are running" in describe(glimpses[0])
 
 
 def test_a_sweep_has_one_writer(tap, tmp_path):

@@ -21,6 +21,7 @@ from taskspec.text.suggest import suggestion
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
+from taskspec_runner.cli.options import Comparing
 from taskspec_runner.cli.progress import progress_line
 from taskspec_runner.compare.attempt import AS_WRITTEN, Attempt, attempt
 from taskspec_runner.compare.comparison import comparison
@@ -41,26 +42,18 @@ from taskspec_runner.record.names import COMPARISON
 from taskspec_runner.session import Progress
 
 
-def compare_laws(
-    file: Path,
-    sets: Sequence[str],
-    laws: Sequence[str] | None,
-    seed: int,
-    out: Path | None,
-    *,
-    quiet: bool,
-    form: RunFormat,
-) -> int:
-    """Runs a task file under several laws and tells how they compare."""
+def compare_laws(file: Path, given: Comparing) -> int:
+    """Runs a task file under several laws and compares them."""
     from taskspec_runner.cli.comparison import show_comparison
 
-    names = [AS_WRITTEN, *chosen(laws)]
+    sets, out, quiet = given.sets, given.out, given.quiet
+    names = [AS_WRITTEN, *chosen(given.law)]
     if out is not None:
         # Before anything is compiled.
         check_unlocked(out)
         check_comparison(out)
     attempts = [attempt(law, functools.partial(_loaded, file, sets)) for law in names]
-    as_data = form is RunFormat.JSON
+    as_data = given.form is RunFormat.JSON
     if everywhere := _everywhere(attempts):
         # The file is wrong whatever the law, so there is nothing to say of the laws.
         if not as_data:
@@ -69,7 +62,7 @@ def compare_laws(
         return 1
     loaded = next((a.program.context.loaded for a in attempts if a.program), None)
     name = loaded.task.name if loaded else file.stem
-    opened = opening(name, str(file), sets, seed, _notes(file, sets, loaded))
+    opened = opening(name, str(file), sets, given.seed, _notes(file, sets, loaded))
     folder = None
     if loaded is not None:
         if not quiet:

@@ -39,7 +39,7 @@ _COLUMNS: dict[str, tuple[tuple[str, str], Callable[[float], str]]] = {
 
 
 def show_comparison(summary: Mapping[str, Any], *, quiet: bool) -> None:
-    """Prints a comparison; `quiet` leaves out all but the laws that did not do what was asked."""
+    """Prints a comparison; `quiet` leaves out all but the laws that missed an expectation."""
     from rich.text import Text
 
     comparison = Comparison(summary, {})

@@ -1,4 +1,4 @@
-"""What a shell completes beside options and paths; imported, and looked up, when it is wanted."""
+"""What a shell completes beside options and paths; imported when it is wanted."""
 
 from __future__ import annotations
 

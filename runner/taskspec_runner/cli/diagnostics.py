@@ -13,7 +13,7 @@ from taskspec.text.diagnostic import Diagnostic
 from taskspec.text.render import Line, Style, diagnostic_lines, headline, plain
 from taskspec.text.source import Source
 
-_LOOKS: Mapping[Style, Mapping[str, Any]] = {
+_STYLES: Mapping[Style, Mapping[str, Any]] = {
     Style.PLACE: {"bold": True},
     Style.ERROR: {"fg": "red", "bold": True},
     Style.WARNING: {"fg": "yellow", "bold": True},
@@ -53,7 +53,7 @@ def is_colored(stream: TextIO) -> bool:
 
 
 def _painted(text: str, style: Style) -> str:
-    return typer.style(text, **_LOOKS[style]) if style in _LOOKS else text
+    return typer.style(text, **_STYLES[style]) if style in _STYLES else text
 
 
 def record(diagnostic: Diagnostic) -> dict[str, Any]:

@@ -16,15 +16,15 @@ from taskspec_runner.diff.difference import NAMES, Difference, diff_runs
 from taskspec_runner.diff.page import headline, leads, share, write_difference
 from taskspec_runner.diff.sentences import largest_text, parting
 from taskspec_runner.errors import InputError
+from taskspec_runner.pages.numbers import quantity
 from taskspec_runner.record.folder import plain
-from taskspec_runner.report.quantities import quantity
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judged import title_of
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-_SAME, _DIFFERENT = 0, 1
+_EXIT_SAME, _EXIT_DIFFERENT = 0, 1
 #: Columns that a terminal lists.
 _COLUMNS = 6
 #: What the page writes with, as a terminal of any kind shows it.
@@ -33,7 +33,7 @@ _STYLES = {"+": "green", "-": "red", "@": "cyan"}
 
 
 def diff_folders(a: Path, b: Path, page: Path | None, form: RunFormat) -> int:
-    """Tells how run B differs from run A; 0 if it does not, else 1."""
+    """Shows how run B differs from run A; 0 if it does not, else 1."""
     if page is not None and page.suffix not in (".html", ".htm"):
         raise InputError(f"--html needs a file that ends in .html, not {page}")
     difference = diff_runs(Run.load(a), Run.load(b))
@@ -45,10 +45,10 @@ def diff_folders(a: Path, b: Path, page: Path | None, form: RunFormat) -> int:
         _show(difference)
     if written is not None:
         typer.echo(f"page: {written}", err=form is RunFormat.JSON)
-    told = [
+    shown = [
         warn_of_damage(run, name=name) for name, run in zip(NAMES, difference.runs, strict=True)
     ]
-    return _SAME if difference.equal and not any(told) else _DIFFERENT
+    return _EXIT_SAME if difference.equal and not any(shown) else _EXIT_DIFFERENT
 
 
 def _show(difference: Difference) -> None:
@@ -65,8 +65,8 @@ def _show(difference: Difference) -> None:
     rows = [row for row in (*data["inputs"], *data["outcome"]) if not row["same"]]
     _section("inputs and outcome", _pairs(rows), len(rows))
     _section("versions", _pairs(data["versions"]), len(data["versions"]))
-    told = [row for row in data["expectations"] if not row["same"]]
-    _section("expectations", _expectations(told), len(told))
+    shown = [row for row in data["expectations"] if not row["same"]]
+    _section("expectations", _expectations(shown), len(shown))
     metrics = [m for m in data["metrics"] if not m["same"]]
     main = [m for m in metrics if leads(m)]
     _section("metrics", _metrics(main), len(main))
@@ -120,11 +120,11 @@ def _expectations(rows: list[Mapping[str, Any]]) -> Table:
     made = table("expected", *NAMES, indent=0)
     for row in rows:
         cells = [title_of(row)]
-        for told in (row["a"], row["b"]):
-            mark = "" if told is None else "pass" if told["passed"] else "FAIL"
-            if told is not None and told["passed"] is None:
+        for shown in (row["a"], row["b"]):
+            mark = "" if shown is None else "pass" if shown["passed"] else "FAIL"
+            if shown is not None and shown["passed"] is None:
                 mark = "not recorded"
-            cells.append("not judged" if told is None else f"{mark}  {told['explanation']}")
+            cells.append("not judged" if shown is None else f"{mark}  {shown['explanation']}")
         made.add_row(*map(Text, cells))
     return made
 
@@ -137,6 +137,6 @@ def _metrics(rows: list[Mapping[str, Any]]) -> Table:
     for row in rows:
         numbers = [" ".join(quantity(row[k], row["unit"])).rstrip() for k in ("a", "b", "change")]
         words = (row["stage"], row["signal"], row["statistic"].replace("_", " "))
-        told = (text.translate(_PLAIN) for text in (*numbers, share(row)))
-        made.add_row(*map(Text, (*words, *told)))
+        shown = (text.translate(_PLAIN) for text in (*numbers, share(row)))
+        made.add_row(*map(Text, (*words, *shown)))
     return made

@@ -9,7 +9,7 @@ import threading
 from io import TextIOWrapper
 
 from taskspec_runner import headless
-from taskspec_runner.cli.app import narrowed
+from taskspec_runner.cli.app import app
 from taskspec_runner.cli.guard import is_lost, lost
 from taskspec_runner.cli.parallel import collect_rarely
 
@@ -58,7 +58,7 @@ def run() -> None:
             stream.reconfigure(errors="backslashreplace")
     try:
         try:
-            narrowed(sys.argv[1:])()
+            app()
         finally:
             sys.stdout.flush()
     except OSError as error:

@@ -24,7 +24,7 @@ from taskspec_runner.record.whole import write_whole
 from taskspec_runner.session import execute_program
 
 #: Starts that are tried before it is given up.
-_TRIED = 6
+_STARTS_TRIED = 6
 _FORCES = (15.0, 10.0, 5.0, 3.0, 2.0, 1.0)
 
 
@@ -32,7 +32,7 @@ def first_task(model: str, target: Path, flange: str | None) -> list[str]:
     """Writes a first task for a robot: it approaches a surface, presses on it, wipes, leaves.
 
     Args:
-        model: as a task file has it, a file's path as seen from the working directory.
+        model: as a task file has it, a file's path relative to the working directory.
         target: the task file to be.
         flange: the body that carries the tool; None where it is clear.
 
@@ -64,7 +64,7 @@ def first_task(model: str, target: Path, flange: str | None) -> list[str]:
         "no start was found at which it is bent, clear of its limits and able to bear itself "
         "(springs or counterweights that carry it are said by `balanced: true`)"
     )
-    for start in islice(first_starts(robot), _TRIED):
+    for start in islice(first_starts(robot), _STARTS_TRIED):
         text = _text(shown, robot, start, lines, target)
         reason = _fails(text, target)
         if not reason:
@@ -74,7 +74,7 @@ def first_task(model: str, target: Path, flange: str | None) -> list[str]:
 
 
 def _relative(model: Path, folder: Path) -> str:
-    """A path as seen from a folder."""
+    """A path relative to a folder."""
     if not model.suffix:
         return str(model)  # The name of a built-in robot.
     return Path(os.path.relpath(model, folder)).as_posix()

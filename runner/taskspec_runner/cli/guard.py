@@ -1,4 +1,4 @@
-"""Exit codes: how every way in which a command can end is told to the shell.
+"""Exit codes: how every end of a command is reported to the shell.
 
 0 well; 1 a task file is wrong, or a run missed what it expects; 2 usage, or a file that cannot be
 read or written; 3 an internal error; 4 a safety stop; 130 interrupted;

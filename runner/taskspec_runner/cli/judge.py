@@ -43,7 +43,7 @@ def judge_log(
     *,
     quiet: bool,
 ) -> int:
-    """Judges what was recorded elsewhere by a task file, and tells how it went.
+    """Judges what was recorded elsewhere by a task file, and reports how it went.
 
     Returns:
         0 if every expectation was met without a finding against it; 1 if one was missed, or the log

@@ -1,4 +1,4 @@
-"""What was found about a file before, as the commands ask for it."""
+"""What was found about a file before, as the commands use it."""
 
 from __future__ import annotations
 

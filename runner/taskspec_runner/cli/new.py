@@ -86,7 +86,7 @@ def copy_template(source: Path, target: Path) -> list[Path]:
         The files that were written, the task first.
 
     Raises:
-        InputError: a file is in the way.
+        InputError: a file is there already.
         OutputError: a file cannot be written.
     """
     text = renamed(source.read_text(encoding="utf-8"), task_name(target))
@@ -150,7 +150,7 @@ def _references(source: Path) -> Iterator[str]:
 
 
 def _with_schema(text: str, source: Path, target: Path) -> str:
-    """The text with the editor's line as seen from the target, or without it.
+    """The text with the editor's line relative to the target, or without it.
 
     Only a schema beside or below the target moves along with it.
     """

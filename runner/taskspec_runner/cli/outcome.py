@@ -59,7 +59,7 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
 
 
 def _truth(summary: Mapping[str, Any]) -> Iterator[str]:
-    """Where the world or the robot is not as the controller is told, and what failed when."""
+    """Where the world or the robot differs from the nominal one, and what failed when."""
     world = summary.get("world") or {}
     parts = [f"{e['path']} {e['written'][1]} (nominal {e['written'][0]})" for e in world["differs"]]
     if parts:

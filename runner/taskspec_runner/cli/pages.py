@@ -30,6 +30,6 @@ def _folders() -> tuple[Path, ...]:
 
 
 def severities_of(text: str) -> list[Severity]:
-    """The severities with which a page says that its code is told, the usual one first."""
+    """The severities with which a page says that its code is reported, the usual one first."""
     (line,) = (line for line in text.splitlines() if line.startswith(_SEVERITY))
     return [Severity(word) for word in line.removeprefix(_SEVERITY).rstrip(".").split(", or ")]

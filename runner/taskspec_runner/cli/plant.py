@@ -1,14 +1,11 @@
-"""`taskspec plant`: a task's plant as a server, and the verdict on who drove it."""
+"""`taskspec plant`: a task's plant as a server, for a run that somebody else drives."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from taskspec.deferred_methods import dataclass
-from taskspec_runner.cli.formats import OutcomeFormat
-from taskspec_runner.cli.run import run_task
+from taskspec_runner.cli.options import Served
 from taskspec_runner.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,22 +18,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Listening:
-    """How a plant is to be served, as a command line has it.
+    """A plant that is served, and whoever comes to drive it."""
 
-    Attributes:
-        url: where it listens.
-        open: whether other machines may reach it.
-        free_running: whether it goes on at the wall clock.
-        stop_after: samples in a row that may go without an answer.
-        wait, answer: how long a controller is waited for, and an answer of it in lock-step [s].
-    """
-
-    url: str
-    open: bool
-    free_running: bool
-    stop_after: int
-    wait: float
-    answer: float
+    served: Served
 
     def endpoint(self) -> Endpoint:
         """Where it listens.
@@ -46,8 +30,8 @@ class Listening:
         """
         from taskspec_runner.link.address import read_endpoint
 
-        found = read_endpoint(self.url, "--listen", any_port=True)
-        if not found.loopback and not self.open:
+        found = read_endpoint(self.served.listen, "--listen", any_port=True)
+        if not found.loopback and not self.served.open:
             raise InputError(
                 f"{found.text} may be reached from other machines, and who answers first drives "
                 "the plant; listen at udp://127.0.0.1:PORT, or add --open to mean it"
@@ -68,45 +52,18 @@ class Listening:
         Raises:
             InputError: it cannot listen, or nobody comes.
         """
-        from taskspec_runner.link.server import PlantServer, Served, ServerOptions, welcome
+        from taskspec_runner.link import server as link
 
-        options = ServerOptions(self.free_running, self.stop_after, self.wait, self.answer)
-        server = PlantServer(self.endpoint())
+        served = self.served
+        options = link.ServerOptions(
+            served.free_running, served.stop_after, served.wait, served.answer
+        )
+        server = link.PlantServer(self.endpoint())
         if say is not None:
             say(f"{program.context.loaded.task.name}: listening at {server.endpoint.text}")
         try:
-            server.wait(welcome(program, options), self.wait, say)
+            server.wait(link.welcome(program, options), served.wait, say)
         except BaseException:
             server.close()
             raise
-        return Served(server, options)
-
-
-def serve_plant(
-    file: Path,
-    sets: Sequence[str],
-    law: str | None,
-    listening: Listening,
-    *,
-    seed: int,
-    world: str | None,
-    out: Path | None,
-    telemetry: str | None,
-    quiet: bool,
-    form: OutcomeFormat,
-    force: bool,
-) -> int:
-    """Serves the plant of a task file for one run, and tells how whoever drove it went."""
-    return run_task(
-        file,
-        sets,
-        law,
-        seed,
-        out,
-        telemetry,
-        quiet=quiet,
-        form=form,
-        force=force,
-        world=world,
-        on=listening,
-    )
+        return link.Served(server, options)

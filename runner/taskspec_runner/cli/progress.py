@@ -15,13 +15,13 @@ from taskspec.text.units import FORCE, si_unit
 from taskspec_runner.cli.console import console
 from taskspec_runner.session import Glimpse, Progress
 
-#: Seconds between two looks at a run.
+#: Seconds between two samples of a run.
 _PAUSE = 0.1
 _BLOCKS = "▁▂▃▄▅▆▇█"
 #: Simulated time between two blocks, and that of all of them [s].
 _STEP, _SPAN = 0.1, 3.0
 #: A line with less room than this has no blocks at all [columns].
-_LEAST = 8
+_NARROWEST_BAR = 8
 
 
 @dataclass(slots=True)
@@ -39,13 +39,13 @@ class Trail:
             self._values.clear()
             self._next = glimpse.clock
         if glimpse.axis and glimpse.clock >= self._next - 1e-9:
-            # Upwards is the way in which the force is wanted.
+            # Upwards is the direction of the commanded force.
             self._values.append(math.copysign(1.0, glimpse.reference) * glimpse.force)
             self._next += _STEP
 
     def drawn(self, glimpse: Glimpse, room: int) -> str:
         """The newest blocks that there is room for, against the larger of force and reference."""
-        if room < _LEAST:
+        if room < _NARROWEST_BAR:
             return ""
         top = max([abs(glimpse.reference), *self._values])
         return sparkline(list(self._values)[-room:], top)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from taskspec_runner.cli.options import Cut
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 from taskspec_runner.runs import Run
@@ -19,34 +20,29 @@ from taskspec_runner.runs import Run
 if TYPE_CHECKING:
     from taskspec_runner.video.film import Clip
 
-#: Speed, start and end, size, frames a second and camera, as the command line has them.
-CutOptions = tuple[float, float | None, float | None, str, float, str | None]
-
-_SMALLEST, _LARGEST = (320, 180), (3840, 2160)
+_SMALLEST_SIZE, _LARGEST_SIZE = (320, 180), (3840, 2160)
 
 
-def replay_run(
-    folder: Path, video: Path | None, options: CutOptions, *, view: bool, quiet: bool
-) -> int:
+def replay_run(folder: Path, video: Path | None, cut: Cut, *, view: bool, quiet: bool) -> int:
     """Shows the run of a folder, as a video or else in a window."""
     if video is not None and view:
         raise InputError("give --video or --view, not both")
     run = Run.load(folder)
-    cut = read_cut(*options)
+    clip = read_cut(cut)
     if video is not None:
-        film(run, video, cut, quiet=quiet)
+        film(run, video, clip, quiet=quiet)
         typer.echo(str(video))
         return warn_of_damage(run, "the video")
     from taskspec_runner.video import viewer
     from taskspec_runner.video.recording import Recording
 
     viewer.check_display()
-    viewer.view(Recording.of(run), cut)
+    viewer.view(Recording.of(run), clip)
     return warn_of_damage(run)
 
 
 def film(run: Run, video: Path, cut: Clip | None = None, *, quiet: bool = False) -> None:
-    """Writes a run as a video, with a line that tells how far it is."""
+    """Writes a run as a video, with a line of progress."""
     from taskspec_runner.video.film import Clip, check_video, write_video
     from taskspec_runner.video.recording import Recording
 
@@ -56,14 +52,7 @@ def film(run: Run, video: Path, cut: Clip | None = None, *, quiet: bool = False)
         write_video(recording, video, cut or Clip(), progress)
 
 
-def read_cut(
-    speed: float,
-    start: float | None,
-    end: float | None,
-    size: str,
-    fps: float,
-    camera: str | None,
-) -> Clip:
+def read_cut(cut: Cut) -> Clip:
     """What of a run is shown, and how, from the command line.
 
     Raises:
@@ -71,23 +60,27 @@ def read_cut(
     """
     from taskspec_runner.video.film import Clip
 
-    if not 0.001 <= speed <= 1000:
-        raise InputError(f"--speed is from 0.001 to 1000, not {speed:g}")
-    if not 1 <= fps <= 240:
-        raise InputError(f"--fps is from 1 to 240, not {fps:g}")
-    for name, value in (("--from", start), ("--to", end)):
+    if not 0.001 <= cut.speed <= 1000:
+        raise InputError(f"--speed is from 0.001 to 1000, not {cut.speed:g}")
+    if not 1 <= cut.fps <= 240:
+        raise InputError(f"--fps is from 1 to 240, not {cut.fps:g}")
+    for name, value in (("--from", cut.start), ("--to", cut.end)):
         if value is not None and not math.isfinite(value):
             raise InputError(f"{name} needs a time in seconds, not {value:g}")
-    width, height = _size(size)
-    return Clip(start, end, speed, width, height, fps, None if camera is None else _camera(camera))
+    width, height = _size(cut.size)
+    camera = None if cut.camera is None else _camera(cut.camera)
+    return Clip(cut.start, cut.end, cut.speed, width, height, cut.fps, camera)
 
 
 def _size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text.strip())
     width, height = (int(found[1]), int(found[2])) if found else (0, 0)
-    good = _SMALLEST[0] <= width <= _LARGEST[0] and _SMALLEST[1] <= height <= _LARGEST[1]
+    good = (
+        _SMALLEST_SIZE[0] <= width <= _LARGEST_SIZE[0]
+        and _SMALLEST_SIZE[1] <= height <= _LARGEST_SIZE[1]
+    )
     if not good or width % 2 or height % 2:
-        limits = " to ".join("x".join(map(str, each)) for each in (_SMALLEST, _LARGEST))
+        limits = " to ".join("x".join(map(str, each)) for each in (_SMALLEST_SIZE, _LARGEST_SIZE))
         raise InputError(
             f"--size needs two even numbers of pixels, {limits}, such as 1280x720, not {text!r}"
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -17,6 +17,7 @@ from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import OutcomeFormat
 from taskspec_runner.cli.loading import load
+from taskspec_runner.cli.options import Given, InWorld, Kept, Robot
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.folder import check_folder, check_unlocked
@@ -32,21 +33,15 @@ if TYPE_CHECKING:
 
 def run_task(
     file: Path,
-    sets: Sequence[str],
-    law: str | None,
-    seed: int,
-    out: Path | None,
-    telemetry: str | None,
+    given: InWorld,
+    kept: Kept,
     *,
-    quiet: bool,
-    form: OutcomeFormat,
     video: Path | None = None,
     force: bool = False,
     loop: str | None = None,
-    world: str | None = None,
     on: Connects | None = None,
 ) -> int:
-    """Runs a task file and tells how it went; afterwards draws it as a video."""
+    """Runs a task file and reports how it went; afterwards draws it as a video."""
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
     from taskspec_runner.cli.testing.outcome import outcome_of, refused_by
@@ -54,13 +49,14 @@ def run_task(
     from taskspec_runner.session import execute_program
     from taskspec_runner.sweep.chosen import chosen_world
 
+    form, quiet = kept.form, kept.quiet
     as_text, began = form is OutcomeFormat.TEXT, time.perf_counter()
     # Before anything is read or compiled.
     if on is not None:
-        on.check(seed=seed, world=world, loop=loop, video=video)
-    _check(telemetry, out, video)
+        on.check(seed=given.seed, world=given.world, loop=loop, video=video)
+    _check(kept.telemetry, kept.out, video)
     try:
-        program = admitted(file, sets, law, force=force)
+        program = admitted(file, given, force=force)
     except SpecError as error:
         if as_text:
             raise
@@ -71,14 +67,14 @@ def run_task(
         return 1
     if program.findings and not quiet:
         show_diagnostics(program.findings, program.context.loaded.sources, err=True)
-    chosen = chosen_world(program.context, seed, world)
+    chosen = chosen_world(program.context, given.seed, given.world)
     link = None if on is None else on.link(program, None if quiet else _say)
     with (
-        sending(telemetry, _say) as sink,
+        sending(kept.telemetry, _say) as sink,
         progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
     ):
         run = execute_program(
-            program, out, world=chosen, progress=progress, telemetry=sink, loop=loop, link=link
+            program, kept.out, world=chosen, progress=progress, telemetry=sink, loop=loop, link=link
         )
     # Who breaks off a run does not wait for its video.
     if video is not None and run.exit_code < BY_SIGNAL:
@@ -97,7 +93,7 @@ def run_task(
 
 
 def _check(telemetry: str | None, out: Path | None, video: Path | None) -> None:
-    """Finds out whether there is a way for what is to be written or sent."""
+    """Checks that what is to be written or sent can be."""
     if telemetry is not None:
         from taskspec_runner.loop.telemetry import read_address
 
@@ -122,7 +118,7 @@ class Connects(Protocol):
         """
 
     def link(self, program: Program, say: Callable[[str], None] | None) -> Link:
-        """Waits for the other end; `say` is told that it is waited for.
+        """Waits for the other end; `say` reports that it is waited for.
 
         Raises:
             InputError: it is not there, or not what the program is for.
@@ -131,17 +127,15 @@ class Connects(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """The robot that a run is to be on, as a command line has it.
+    """The robot that a run is to be on.
 
     Attributes:
         url: where it is.
-        lost: what becomes of lost samples.
-        stop_after: how many in a row are borne.
+        robot: the options, which say what becomes of lost samples.
     """
 
     url: str
-    lost: str
-    stop_after: int
+    robot: Robot
 
     def check(self, *, seed: int, world: str | None, loop: str | None, video: Path | None) -> None:
         """Finds out what can be known before anything is read.
@@ -167,7 +161,7 @@ class Connection:
     def _policy(self) -> LostPolicy:
         from taskspec_runner.link.on_robot import LostPolicy
 
-        return LostPolicy(self.lost, self.stop_after)
+        return LostPolicy(self.robot.lost, self.robot.stop_after)
 
     def link(self, program: Program, say: Callable[[str], None] | None) -> Link:
         """Connects, and finds out whether it is the program's robot.
@@ -207,13 +201,12 @@ def _report(form: OutcomeFormat, outcome: FileOutcome) -> None:
         typer.echo(text)
 
 
-def admitted(file: Path, sets: Sequence[str], law: str | None, *, force: bool) -> Program:
+def admitted(file: Path, given: Given, *, force: bool) -> Program:
     """The program of a task file.
 
     Args:
         file: the task file.
-        sets: overrides as `KEY=VALUE`.
-        law: a law that replaces those of the file.
+        given: what it is changed by.
         force: whether findings are lifted behind which a program still compiles.
 
     Raises:
@@ -221,7 +214,7 @@ def admitted(file: Path, sets: Sequence[str], law: str | None, *, force: bool) -
     """
     from taskspec.compiler import admit
 
-    examined = _examined(file, sets, law)
+    examined = _examined(file, given)
     try:
         return admit(examined, force=force)
     except SpecError:
@@ -230,13 +223,13 @@ def admitted(file: Path, sets: Sequence[str], law: str | None, *, force: bool) -
         raise
 
 
-def _examined(file: Path, sets: Sequence[str], law: str | None) -> Examination:
+def _examined(file: Path, given: Given) -> Examination:
     """The file with what its rules find; how its run ends the run itself will show."""
     from taskspec.examination import examine
     from taskspec.rules import predicted
     from taskspec.text.diagnostic import Severity
 
-    examined = examine(load(file, sets, law))
+    examined = examine(load(file, given.sets, given.law))
     findings = [
         found
         for found in examined.findings

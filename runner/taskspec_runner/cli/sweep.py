@@ -12,6 +12,7 @@ from pathlib import Path
 import typer
 
 from taskspec_runner.cli.formats import RunFormat
+from taskspec_runner.cli.options import Given, Sweeping
 from taskspec_runner.cli.parallel import processors
 from taskspec_runner.cli.run import admitted
 from taskspec_runner.errors import InputError
@@ -26,48 +27,37 @@ from taskspec_runner.sweep.worlds import Worlds
 
 #: Worlds where neither the file nor an option says how many.
 WORLDS = 100
-#: Seconds between two looks.
+#: Seconds between two samples.
 _PAUSE = 0.2
 
 
-def sweep_task(
-    file: Path,
-    sets: Sequence[str],
-    seed: int,
-    count: int | None,
-    out: Path | None,
-    *,
-    corners: bool,
-    grid: int | None,
-    jobs: int | None,
-    executor: str | None,
-    shard: str | None,
-    keep: str,
-    quiet: bool,
-    form: RunFormat,
-    force: bool,
-) -> int:
-    """Runs a task file in many worlds and tells what they say together."""
-    if sum((corners, grid is not None, count is not None)) > 1:
+def sweep_task(file: Path, given: Sweeping) -> int:
+    """Runs a task file in many worlds and reports their statistics."""
+    count = given.worlds
+    if sum((given.corners, given.grid is not None, count is not None)) > 1:
         raise InputError("--worlds, --corners and --grid each say which worlds: keep one of them")
-    share = _share(shard)
-    check_keep(keep)
-    program = admitted(file, sets, None, force=force)
+    share = _share(given.shard)
+    check_keep(given.keep)
+    program = admitted(file, Given(given.sets), force=given.force)
     task = program.context.loaded.task
     if count is None:
         count = task.sweep.worlds if task.sweep is not None else WORLDS
-    worlds = Worlds.of(program.context, seed, count, corners=corners, points=grid or 0)
+    worlds = Worlds.of(
+        program.context, given.seed, count, corners=given.corners, points=given.grid or 0
+    )
     with (
         Termination(),
-        workers(executor, jobs or processors()) as found,
-        _progress(shown=not quiet and sys.stderr.isatty()) as watch,
+        workers(given.executor, given.jobs or processors()) as found,
+        _progress(shown=not given.quiet and sys.stderr.isatty()) as watch,
     ):
-        result = sweep(program, worlds, out, workers=found, shard=share, keep=keep, watch=watch)
-    return _told(result, quiet=quiet, form=form)
+        result = sweep(
+            program, worlds, given.out, workers=found, shard=share, keep=given.keep, watch=watch
+        )
+    return _told(result, quiet=given.quiet, form=given.form)
 
 
-def merge_parts(parts: Sequence[Path], out: Path | None, *, quiet: bool, form: RunFormat) -> int:
-    """Puts shares of a sweep together and tells what they say."""
+def merge_parts(parts: Sequence[Path], given: Sweeping) -> int:
+    """Puts shares of a sweep together and reports their statistics."""
     read = [read_written(path) for path in parts]
     first = read[0]
     for path, part in zip(parts, read, strict=True):
@@ -76,10 +66,10 @@ def merge_parts(parts: Sequence[Path], out: Path | None, *, quiet: bool, form: R
     # Whatever else the task reads was read where its shares were run, but for what it includes.
     task = first.task.task
     said = {key: first.said[key] for key in first.said if key in _OPENING} | {"shard": [1, 1]}
-    with open_sweep(out, task.name, said) as folder:
+    with open_sweep(given.out, task.name, said) as folder:
         folder.begin(first.content)
         result = merged(task, [part.rows for part in read], folder, first.count)
-    return _told(result, quiet=quiet, form=form)
+    return _told(result, quiet=given.quiet, form=given.form)
 
 
 _OPENING = (
@@ -147,7 +137,7 @@ def describe(glimpse: SweepGlimpse) -> str:
     share = 100 * glimpse.good / glimpse.done if glimpse.done else 0.0
     text = f"{glimpse.done} of {glimpse.of} worlds, {share:.1f} % well"
     if not glimpse.rate:
-        return f"{glimpse.done} of {glimpse.of} worlds, more are on their way"
+        return f"{glimpse.done} of {glimpse.of} worlds, more are running"
     return f"{text}, {glimpse.rate:.1f} a second, {_span(glimpse.left)} left"
 
 

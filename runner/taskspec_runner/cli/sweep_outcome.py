@@ -22,8 +22,8 @@ from taskspec_runner.sweep.summary import (
 )
 
 _STYLES = {MET: "bold green", UNDECIDED: "bold yellow"}
-#: Influences that are told, at most; and of how likely chance is at the most.
-_MOST, _CHANCE = 6, 0.01
+#: Influences that are shown, at most; and of how likely chance is at the most.
+_MOST_INFLUENCES, _LARGEST_CHANCE = 6, 0.01
 
 
 def show_sweep(result: SweepResult, *, quiet: bool) -> None:
@@ -74,11 +74,11 @@ def _rates(summary: Mapping[str, Any]) -> Any:
 
 def _depends(result: SweepResult) -> Iterator[str]:
     summary, task = result.summary, result.task
-    told = [e for e in summary["influences"] if e["chance"] < _CHANCE][:_MOST]
-    if told:
+    shown = [e for e in summary["influences"] if e["chance"] < _LARGEST_CHANCE][:_MOST_INFLUENCES]
+    if shown:
         parts = [
             f"{each['parameter']} {100 * each['explained']:.0f} % ({each['correlation']:+.2f})"
-            for each in told
+            for each in shown
         ]
         told_of = "share of the margin that it explains, rank correlation"
         yield f"what matters ({told_of}): {', '.join(parts)}"

@@ -1,4 +1,4 @@
-"""`taskspec test`: runs task files as tests, side by side, and tells what failed."""
+"""`taskspec test`: runs task files as tests, side by side, and reports what failed."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from pathlib import Path
 
 import typer
 
-from taskspec.deferred_methods import dataclass
 from taskspec_runner.cli.console import show
 from taskspec_runner.cli.formats import OutcomeFormat
 from taskspec_runner.cli.given import STDIN, changes
+from taskspec_runner.cli.options import Chosen, Reported, Seeded
 from taskspec_runner.cli.parallel import in_order, processors
 from taskspec_runner.cli.testing import github, junit
 from taskspec_runner.cli.testing.execution import Manner, try_file
@@ -28,62 +28,19 @@ from taskspec_runner.record.folder import check_target
 from taskspec_runner.record.whole import write_whole
 
 
-@dataclass(frozen=True)
-class ChosenFiles:
-    """Which files are run, and in which order.
-
-    Attributes:
-        words: of paths, as `-k` takes them; None for all.
-        last_failed: those alone that did not pass the last time, if any did not.
-        failed_first: those before the others.
-        stops: whether the first one that fails is the last.
-    """
-
-    words: str | None = None
-    last_failed: bool = False
-    failed_first: bool = False
-    stops: bool = False
-
-
-@dataclass(frozen=True)
-class Telling:
-    """How outcomes are told.
-
-    Attributes:
-        form: on standard output.
-        junit: a file to write them to as JUnit too.
-        durations: how many of the slowest files are named.
-        quiet: whether nothing is told of files that passed.
-    """
-
-    form: OutcomeFormat = OutcomeFormat.TEXT
-    junit: Path | None = None
-    durations: int = 0
-    quiet: bool = False
-
-
 def run_tests(
     paths: Sequence[Path],
-    selection: ChosenFiles,
-    telling: Telling,
-    *,
-    jobs: int,
-    out: Path,
-    keep: bool,
-    sets: Sequence[str],
-    law: str | None,
-    seed: int,
+    selection: Chosen,
+    telling: Reported,
+    given: Seeded,
 ) -> int:
     """Runs task files and says what came of each.
 
     Args:
         paths: files, and folders of them.
-        selection: which of them.
-        telling: how it is told.
-        jobs: how many processes; 0 for one for each processor.
-        out: the folder in which runs are kept.
-        keep: whether those that passed are kept too.
-        sets, law, seed: of every run.
+        selection: which of them, and by how many processes.
+        telling: how that is reported, and what is kept.
+        given: what every file is changed by, and the seed of every run.
 
     Returns:
         0 if all passed; 3 after an internal error, 2 if a file could not be read, else 1.
@@ -94,23 +51,25 @@ def run_tests(
     """
     if STDIN in paths:
         raise InputError("'-' is no file to test; taskspec run - runs one task")
-    changes(sets, law)
+    changes(given.sets, given.law)
     if telling.junit is not None:
         check_target(telling.junit)
-    last = LastOutcomes(out)
+    last = LastOutcomes(telling.out)
     files = _chosen(list(task_files(paths)), selection, last)
-    manner = Manner(_folders(files, out), tuple(sets), law, seed, keep)
+    manner = Manner(
+        _folders(files, telling.out), tuple(given.sets), given.law, given.seed, telling.keep
+    )
     began, outcomes = time.perf_counter(), list[FileOutcome]()
     width = max(len(str(path)) for path in files)
     work = functools.partial(try_file, manner=manner)
-    processes = min(jobs or processors(), len(files))
+    processes = min(selection.jobs or processors(), len(files))
     try:
         with Termination(), closing(in_order(work, files, processes)) as found:
             for outcome in found:
                 outcomes.append(outcome)
                 if telling.form is OutcomeFormat.TEXT and not (telling.quiet and outcome.passed):
                     _tell(outcome, width)
-                if selection.stops and not outcome.passed:
+                if selection.exit_first and not outcome.passed:
                     break
     finally:
         # What is known is kept, also of a campaign that is broken off.
@@ -123,7 +82,7 @@ def run_tests(
     return code
 
 
-def _chosen(files: list[Path], selection: ChosenFiles, last: LastOutcomes) -> list[Path]:
+def _chosen(files: list[Path], selection: Chosen, last: LastOutcomes) -> list[Path]:
     if selection.words is not None:
         is_chosen = chosen_by(selection.words)
         found = [path for path in files if is_chosen(path)]
@@ -172,7 +131,7 @@ def _code(outcomes: Iterable[FileOutcome]) -> int:
 
 
 def _sum_up(
-    outcomes: Sequence[FileOutcome], chosen: int, telling: Telling, seconds: float, code: int
+    outcomes: Sequence[FileOutcome], chosen: int, telling: Reported, seconds: float, code: int
 ) -> None:
     failed = [each for each in outcomes if not each.passed]
     if telling.form is OutcomeFormat.JSON:

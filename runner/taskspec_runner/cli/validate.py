@@ -19,6 +19,7 @@ from taskspec_runner.cli.formats import DiagnosticFormat
 from taskspec_runner.cli.given import OPTIONS, STDIN, changes
 from taskspec_runner.cli.guard import keep_trace
 from taskspec_runner.cli.kept import Before
+from taskspec_runner.cli.options import Tried
 from taskspec_runner.cli.parallel import in_order
 from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.cli.validation import Failure, Validation
@@ -31,52 +32,30 @@ if TYPE_CHECKING:
     from taskspec.spec import LoadedTask
 
 _SUFFIXES = (".yaml", ".yml")
-#: Without these a file is read, but nothing that needs a robot can be looked at.
+#: Without these a file is read, but nothing that needs a robot can be checked.
 _NUMERICAL = ("pinocchio", "casadi", "numpy", "scipy")
 #: Without this all but the trial can be done.
 _SIMULATOR = "mujoco"
 
 
-@dataclass(frozen=True, slots=True)
-class Examining:
-    """How files are examined.
-
-    Attributes:
-        sets: overrides of every file, as `KEY=VALUE`.
-        law: a law that replaces those of every file.
-        world: of which it is asked, as if the file said that it is the true one: the number of a
-            random one under the seed, or `TABLE:ROW`; None for the true one.
-        seed: of everything random.
-        static: whether the trial is left out.
-        worlds: how many random worlds of `vary` are run.
-    """
-
-    sets: Sequence[str] = ()
-    law: str | None = None
-    world: str | None = None
-    seed: int = 0
-    static: bool = False
-    worlds: int = 0
-
-
-AS_WRITTEN = Examining()
+AS_WRITTEN = Tried()
 
 
 def validate_paths(
     paths: Sequence[Path],
     form: DiagnosticFormat,
+    how: Tried = AS_WRITTEN,
     *,
     strict: bool = False,
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
-    how: Examining = AS_WRITTEN,
     keeps: bool = True,
 ) -> int:
     """Validates files and folders and says what was found.
 
     Args:
         paths: files, and folders of them; `STDIN` by itself.
-        form: how it is told.
+        form: how it is reported.
         strict: whether warnings count as errors.
         select: prefixes of the codes that count, all of them if there are none.
         ignore: prefixes of codes that do not count.
@@ -118,14 +97,14 @@ def task_files(paths: Sequence[Path]) -> Iterator[Path]:
     """
     if STDIN in paths and len(paths) > 1:
         raise InputError("'-' stands for standard input, and for nothing beside it")
-    seen: set[Path] = set()
+    resolved: set[Path] = set()
     for path in paths:
         found = list(_below(path)) if path.is_dir() else [path]
         if not found:
             raise InputError(f"there is no task file in {path}")
         for file in found:
-            if file.resolve() not in seen:
-                seen.add(file.resolve())
+            if file.resolve() not in resolved:
+                resolved.add(file.resolve())
                 yield file
 
 
@@ -147,7 +126,7 @@ def _below(folder: Path) -> Iterator[Path]:
 
 def examine(
     files: Sequence[Path],
-    how: Examining = AS_WRITTEN,
+    how: Tried = AS_WRITTEN,
     *,
     strict: bool = False,
     keeps: bool = True,
@@ -212,8 +191,8 @@ Named = TypeVar("Named", Diagnostic, Note)
 class _Found:
     """What is found about a file.
 
-    `unchecked` says what could not be looked at, and why, `world` what is otherwise in the world
-    that was asked of.
+    `unchecked` says what could not be checked, and why, `world` what is otherwise in the world
+    that was examined.
     """
 
     diagnostics: tuple[Diagnostic, ...]
@@ -222,7 +201,7 @@ class _Found:
     world: str = ""
 
 
-def _before(path: Path, how: Examining, several: bool) -> _Found | None:
+def _before(path: Path, how: Tried, several: bool) -> _Found | None:
     """What was found about a file that is as it was then; None of another."""
     kept = Before(path, how.sets, how.law, static=how.static).found()
     if kept is None:
@@ -232,7 +211,7 @@ def _before(path: Path, how: Examining, several: bool) -> _Found | None:
 
 
 def _outcome(
-    path: Path, *, how: Examining, several: bool, keeps: bool
+    path: Path, *, how: Tried, several: bool, keeps: bool
 ) -> _Found | _Unreadable | _Broken:
     """What is found about a file; of what can go wrong with it, only the words."""
     try:
@@ -262,7 +241,7 @@ def _attributed(found: _Found, path: Path) -> _Found:
     )
 
 
-def _examine(path: Path, how: Examining, *, keeps: bool) -> _Found:
+def _examine(path: Path, how: Tried, *, keeps: bool) -> _Found:
     from taskspec_runner.cli.loading import load
 
     before = Before(path, how.sets, how.law, static=how.static, keeps=keeps)
@@ -289,7 +268,7 @@ def _examine(path: Path, how: Examining, *, keeps: bool) -> _Found:
         return _Found(loaded.warnings, sources, _without(missing, error))
 
 
-def _checked(loaded: LoadedTask, how: Examining) -> tuple[Examination, str]:
+def _checked(loaded: LoadedTask, how: Tried) -> tuple[Examination, str]:
     """An examined task, and why its trial was left out; empty where it was not."""
     from taskspec.examination import examine
 
@@ -306,7 +285,7 @@ def _checked(loaded: LoadedTask, how: Examining) -> tuple[Examination, str]:
     return (_with_worlds(examined, how) if how.worlds else examined), ""
 
 
-def _with_worlds(examined: Examination, how: Examining) -> Examination:
+def _with_worlds(examined: Examination, how: Tried) -> Examination:
     """The same with what is found in random worlds; of a task that is refused there are none."""
     from taskspec.compiler import admit
     from taskspec.program.program import refusals

@@ -28,14 +28,14 @@ class Validation:
     """What validating a number of files comes to.
 
     Attributes:
-        files: the files that were looked at, in order.
+        files: the files that were examined, in order.
         diagnostics: by file, in the order of the files, sorted within each.
         sources: the texts of each file that places refer to.
         unreadable: files that could not be read.
         broken: files at which the validation itself failed.
         strict: whether warnings count as errors, and what could not be checked too.
         unchecked: what could not be checked here, and why; empty where all was.
-        worlds: what is otherwise in the worlds that were asked of, a line each.
+        worlds: what is otherwise in the worlds that were examined, a line each.
     """
 
     files: tuple[str, ...] = ()

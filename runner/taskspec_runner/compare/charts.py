@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
+from markupsafe import Markup
 from scipy.ndimage import maximum_filter1d
 
-from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.text.units import FORCE, LENGTH
-from taskspec_runner.compare.overlay import Overlay, role
+from taskspec_runner.compare.overlay import Overlay, overlay_data, role
+from taskspec_runner.pages.chart import Chart, Trace, bands, size
+from taskspec_runner.pages.document import bar, figure, note, patience, section
+from taskspec_runner.pages.html import joined
+from taskspec_runner.pages.numbers import plain_scale, scale
+from taskspec_runner.record.folder import Json
 from taskspec_runner.record.history import Vector
-from taskspec_runner.report.chart import Band, bands, size
 from taskspec_runner.report.figures import ANGULAR, LINEAR, wrench_name
-from taskspec_runner.report.quantities import plain_scale, scale
 from taskspec_runner.runs import Run
 
 REFERENCE = "reference"
@@ -26,52 +30,43 @@ _LEAST = 1e-9
 _STILL = 1e-4
 
 
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """One run's line in a chart.
-
-    Attributes:
-        label: the law, or `REFERENCE`.
-        law: whose run it is from.
-        values: (rows of the run,) in the chart's unit.
-        role: its colour.
-        style: as of a `Trace`.
-    """
-
-    label: str
-    law: str
-    values: Vector
-    role: str
-    style: str
-
-
-@dataclass(frozen=True, slots=True)
-class Overlaid:
-    """A chart of several runs.
-
-    Attributes:
-        key, title, unit, note: as shown.
-        curves: in drawing order.
-        bands: what expectations allow, on the leading run's clock [s].
-        log: whether its values are sizes over several orders.
-    """
-
-    key: str
-    title: str
-    unit: str
-    curves: tuple[Curve, ...]
-    note: str = ""
-    bands: tuple[Band, ...] = ()
-    log: bool = False
-
-
-def charts(laid: Overlay) -> list[Overlaid]:
+def charts(laid: Overlay) -> list[Chart]:
     """Every chart that has something to show, force first."""
     found = [*_contact(laid), *_motion(laid)]
-    return [chart for chart in found if chart.curves]
+    return [chart for chart in found if chart.traces]
 
 
-def main_charts(laid: Overlay) -> list[Overlaid]:
+def charted(
+    laid: Overlay | None,
+    ends: Iterable[tuple[str, str, str]],
+    heading: str,
+    about: str,
+    picture: Callable[[], str] | None = None,
+) -> tuple[Json | None, tuple[Markup, ...]]:
+    """What the script of a page draws of runs, and where; nothing where there is no chart.
+
+    Args:
+        laid: the runs, if there are any.
+        ends: run, outcome and reason of each that was cut short.
+        heading: of the charts.
+        about: whose runs, for the sentence below them.
+        picture: stands for the charts where no script runs.
+    """
+    shown = charts(laid) if laid is not None else []
+    if laid is None or not shown:
+        return None, ()
+    text = (
+        f"Stages are those {laid.under}. {about} shows it alone in all charts; with Shift it takes "
+        "one away."
+    )
+    places = section(heading, joined(*map(figure, shown)), note(text), look="charts")
+    still = Markup(picture()) if picture else None
+    return overlay_data(laid, shown, ends), (
+        bar(laid.stages(), "Whole runs"), patience(still), places,
+    )  # fmt: skip
+
+
+def main_charts(laid: Overlay) -> list[Chart]:
     """The force of one axis, its error, and the motion error."""
     found = {chart.key: chart for chart in charts(laid)}
     name = next((key.removesuffix(".ref") for key in found if key.endswith(".ref")), "")
@@ -79,7 +74,7 @@ def main_charts(laid: Overlay) -> list[Overlaid]:
     return [found[key] for key in keys if key in found]
 
 
-def _contact(laid: Overlay) -> Iterator[Overlaid]:
+def _contact(laid: Overlay) -> Iterator[Chart]:
     axes = laid.force_axes()
     for axis in axes:
         yield _against_reference(laid, axis)
@@ -88,18 +83,23 @@ def _contact(laid: Overlay) -> Iterator[Overlaid]:
         yield _force_size(laid)
 
 
-def _against_reference(laid: Overlay, axis: str) -> Overlaid:
+def _against_reference(laid: Overlay, axis: str) -> Chart:
     name, what = wrench_name(axis), "Moment" if axis in ANGULAR else "Force"
     factor, unit = _scaled(laid, name, lambda run: run.column(name))
     curves = _curves(laid, factor, lambda run: run.column(name))
     reference = _reference(laid, name, factor)
-    wanted = bands(laid.leading, [name], factor)
+    begin = laid.begins[laid.lead]
+    # Whether an expectation was met differs between the runs.
+    wanted = tuple(
+        replace(band, start=band.start + begin, end=band.end + begin, passed=None)
+        for band in bands(laid.leading, [name], factor)
+    )
     note = f"dashed: the reference {laid.under}" if reference else ""
     title = f"{what} {axis} against its reference"
-    return Overlaid(f"{name}.ref", title, unit, (*curves, *reference), note, wanted)
+    return Chart(f"{name}.ref", title, unit, (*curves, *reference), note, wanted)
 
 
-def _force_error(laid: Overlay, axis: str) -> Overlaid:
+def _force_error(laid: Overlay, axis: str) -> Chart:
     name, what = wrench_name(axis), "Moment" if axis in ANGULAR else "Force"
 
     def error(run: Run) -> Vector | None:
@@ -110,18 +110,18 @@ def _force_error(laid: Overlay, axis: str) -> Overlaid:
     return _sizes(laid, f"{name}.error", f"{what} {axis} error", unit, error, "")
 
 
-def _force_size(laid: Overlay) -> Overlaid:
+def _force_size(laid: Overlay) -> Chart:
     def total(run: Run) -> Vector | None:
         found = [c for axis in LINEAR if (c := run.column(f"force.{axis}")) is not None]
         return np.sqrt(np.sum([c**2 for c in found], axis=0)) if found else None
 
     factor, unit = _scaled(laid, "force.x", total)
     curves = _curves(laid, factor, total)
-    touched = any(c.values.max() > 0 for c in curves)
-    return Overlaid("force", "Contact force", unit, curves if touched else ())
+    touched = any(np.nanmax(c.values) > 0 for c in curves)
+    return Chart("force", "Contact force", unit, curves if touched else ())
 
 
-def _motion(laid: Overlay) -> Iterator[Overlaid]:
+def _motion(laid: Overlay) -> Iterator[Chart]:
     for axes, key, title in (
         (LINEAR, "motion error", "Motion error"),
         (ANGULAR, "orientation error", "Orientation error"),
@@ -132,7 +132,7 @@ def _motion(laid: Overlay) -> Iterator[Overlaid]:
                 yield _position(laid, axis)
 
 
-def _error_size(laid: Overlay, axes: tuple[Axis, ...], key: str, title: str) -> Overlaid:
+def _error_size(laid: Overlay, axes: tuple[Axis, ...], key: str, title: str) -> Chart:
     # One unit for all orders, so that the marks of the axis can be read off.
     unit = plain_scale(LENGTH.on(rotation=axes is ANGULAR), 1.0)
     over = ", over the axes without a force"
@@ -146,7 +146,7 @@ def _sizes(
     unit: tuple[float, str],
     of: Callable[[Run], Vector | None],
     over: str,
-) -> Overlaid:
+) -> Chart:
     """A chart of sizes over several orders; without curves where all of them are rounding."""
 
     def envelope(run: Run) -> Vector | None:
@@ -160,37 +160,37 @@ def _sizes(
 
     curves = _curves(laid, unit[0], envelope)
     note = f"the largest within {1e3 * ENVELOPE:g} ms{over}"
-    return Overlaid(key, title, unit[1], curves, note, log=True)
+    return Chart(key, title, unit[1], curves, note, log=True)
 
 
-def _position(laid: Overlay, axis: str) -> Overlaid:
+def _position(laid: Overlay, axis: str) -> Chart:
     name = f"position.{axis}"
     wanted = laid.leading.column(f"{name}.ref")
     if wanted is None or float(np.nanmax(wanted) - np.nanmin(wanted)) < _STILL:
-        return Overlaid(name, "", "", ())
+        return Chart(name, "", "", ())
     factor, unit = plain_scale(LENGTH, 1.0)
     curves = _curves(laid, factor, lambda run: run.column(name))
     note = f"counted in the frame of each stage; dashed: the reference {laid.under}"
     reference = _reference(laid, name, factor)
-    return Overlaid(name, f"Position {axis}", unit, (*curves, *reference), note)
+    return Chart(name, f"Position {axis}", unit, (*curves, *reference), note)
 
 
-def _curves(laid: Overlay, factor: float, of: Callable[[Run], Vector | None]) -> tuple[Curve, ...]:
+def _curves(laid: Overlay, factor: float, of: Callable[[Run], Vector | None]) -> tuple[Trace, ...]:
     """One curve a law; those without a force loop are dashed and come last, to be seen on top."""
-    loops = {law["law"]: law["force_loop"] for law in laid.comparison.laws}
     found = (
-        Curve(law, law, factor * values, role(law), "line" if loops[law] else "loopless")
-        for law, run in laid.runs.items()
+        Trace(name, factor * values, role(name), "loopless" if name in laid.dashed else "line",
+              run=name)
+        for name, run in laid.runs.items()
         if (values := of(run)) is not None
-    )
-    return tuple(sorted(found, key=lambda curve: curve.style == "loopless"))
+    )  # fmt: skip
+    return tuple(sorted(found, key=lambda trace: trace.style == "loopless"))
 
 
-def _reference(laid: Overlay, name: str, factor: float) -> tuple[Curve, ...]:
+def _reference(laid: Overlay, name: str, factor: float) -> tuple[Trace, ...]:
     values = laid.leading.column(f"{name}.ref")
     if values is None:
         return ()
-    return (Curve(REFERENCE, laid.lead, factor * values, "ink", "reference"),)
+    return (Trace(REFERENCE, factor * values, "ink", "reference", run=laid.lead),)
 
 
 def _scaled(laid: Overlay, name: str, of: Callable[[Run], Vector | None]) -> tuple[float, str]:

@@ -6,78 +6,57 @@ the run. All runs are shifted to where it begins, which is the zero of the commo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.laws import LAWS
 from taskspec_runner.compare.attempt import AS_WRITTEN
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.ranking import ORDER
+from taskspec_runner.pages.chart import Chart
+from taskspec_runner.pages.samples import page_data
+from taskspec_runner.pages.timeline import Timeline
+from taskspec_runner.record.folder import Json
 from taskspec_runner.record.history import Vector
-from taskspec_runner.record.visits import StageVisit
 from taskspec_runner.report.figures import ANGULAR, LINEAR
 from taskspec_runner.runs import Run
 
 #: Colours there are for laws.
 COLOURS = 10
+#: Outcomes that say nothing about how a law would have gone on.
+CUT_SHORT = ("failed", "stopped", "crashed", "interrupted")
 #: Runs that are compared by other names than that of a law, and their colours.
 RUN_ROLES = {"A": "law0", "B": "law2"}
 
 
 @dataclass(frozen=True, slots=True)
-class Overlay:
-    """Runs on a common time.
+class Overlay(Timeline):
+    """Runs on a common time, the one whose stages and references are drawn leading.
 
     Attributes:
-        comparison: that they are of.
-        lead: the law whose stages and references are drawn.
         origin: the stage that begins at zero, empty where the runs themselves do.
-        begins: law to the common time at which its run begins [s].
+        forces: stage to the axes that have a force or moment to reach in some run.
+        dashed: runs that are drawn dashed and over the others, such as laws without a force loop.
     """
 
-    comparison: Comparison
-    lead: str
     origin: str
-    begins: Mapping[str, float]
-
-    @property
-    def runs(self) -> Mapping[str, Run]:
-        """The runs by law."""
-        return self.comparison.runs
-
-    @property
-    def leading(self) -> Run:
-        """The run whose stages and references are drawn."""
-        return self.runs[self.lead]
+    forces: Mapping[str, Sequence[str]]
+    dashed: Collection[str]
 
     @property
     def under(self) -> str:
-        """Which run leads, in words: `under LAW`, or `as written`."""
-        return self.lead if self.lead == AS_WRITTEN else f"under {self.lead}"
-
-    @property
-    def start(self) -> float:
-        """Common time at which the first run begins [s]."""
-        return min(self.begins[law] + run.start for law, run in self.runs.items())
-
-    @property
-    def end(self) -> float:
-        """Common time at which the last run ends [s]."""
-        return max(self.begins[law] + run.end for law, run in self.runs.items())
-
-    def visits(self) -> list[tuple[StageVisit, float, float]]:
-        """The leading run's visits with their common times [s]."""
-        begin = self.begins[self.lead]
-        return [(v, v.start + begin, v.end + begin) for v in self.leading.visits]
+        """Which run leads, in words: `under LAW`, `as written`, or `of A`."""
+        if self.lead == AS_WRITTEN:
+            return self.lead
+        return f"{'of' if self.lead in RUN_ROLES else 'under'} {self.lead}"
 
     def force_axes(self) -> list[str]:
         """Axes with a force or moment to reach in some stage, those of the first stage first."""
-        forces: Mapping[str, list[str]] = self.comparison.summary["force_axes"]
         known = (*LINEAR, *ANGULAR)
-        return list(dict.fromkeys(a for axes in forces.values() for a in axes if a in known))
+        return list(dict.fromkeys(a for axes in self.forces.values() for a in axes if a in known))
 
     def motion_error(self, run: Run, axes: tuple[Axis, ...]) -> Vector:
         """(rows,) Size of the motion error [m, rad] over those axes that no law gives a force.
@@ -88,12 +67,11 @@ class Overlay:
         """
         squares = np.zeros(len(run.clock))
         known = np.zeros(len(run.clock), dtype=bool)
-        forces: Mapping[str, list[str]] = self.comparison.summary["force_axes"]
         for visit in run.visits:
             rows = run.rows(visit)
             for axis in axes:
                 error = run.column(f"error.{axis}")
-                if error is None or axis in forces.get(visit.stage, ()):
+                if error is None or axis in self.forces.get(visit.stage, ()):
                     continue
                 finite = rows & np.isfinite(error)
                 squares[finite] += error[finite] ** 2
@@ -108,14 +86,39 @@ def overlay(comparison: Comparison) -> Overlay | None:
     lead = _lead(comparison)
     leading = comparison.runs[lead]
     origin = next((s for s in comparison.stages if _first(leading, s) is not None), "")
-    if not any(comparison.summary["force_axes"].values()):
+    forces = comparison.summary["force_axes"]
+    if not any(forces.values()):
         origin = ""
     zero = _first(leading, origin) or 0.0
     begins = {}
     for law, run in comparison.runs.items():
         first = _first(run, origin)
         begins[law] = -(zero if first is None else first)
-    return Overlay(comparison, lead, origin, begins)
+    dashed = {law["law"] for law in comparison.laws if not law["force_loop"]}
+    return Overlay(comparison.runs, lead, begins, origin, forces, dashed)
+
+
+def overlay_data(
+    laid: Overlay, charts: Sequence[Chart], ends: Iterable[tuple[str, str, str]]
+) -> Json:
+    """What the script of a page draws.
+
+    Args:
+        laid: the runs.
+        charts: of them.
+        ends: run, outcome and reason of each that was cut short.
+    """
+    begin = laid.begins[laid.lead]
+    events = []
+    for visit in laid.leading.visits:
+        why = str(visit.ended_by.get("text") or "")
+        text = f"{laid.lead}: {visit.stage} ends{f', {why}' if why else ''}"
+        events.append({"at": visit.end + begin, "kind": "event", "text": text})
+    for name, outcome, reason in ends:
+        if name in laid.runs and outcome in CUT_SHORT:
+            at = laid.begins[name] + laid.runs[name].end
+            events.append({"at": at, "kind": "stop", "text": f"{name} {outcome}: {reason}"})
+    return page_data(laid, charts, events)
 
 
 def role(law: str) -> str:

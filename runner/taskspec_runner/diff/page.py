@@ -7,20 +7,37 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taskspec_runner.compare.charts import charts
-from taskspec_runner.compare.comparison import Comparison
+from markupsafe import Markup
+
+from taskspec_runner.compare.charts import charted
 from taskspec_runner.compare.overlay import Overlay, role
-from taskspec_runner.compare.page import page_data, visits_of
-from taskspec_runner.compare.picture import HERE as COMPARE
 from taskspec_runner.compare.tracking import force_axes
 from taskspec_runner.diff.difference import NAMES, Difference
 from taskspec_runner.diff.sentences import largest_text, parting
+from taskspec_runner.pages.document import (
+    DASH,
+    Cells,
+    Heading,
+    document,
+    fold,
+    head,
+    in_unit,
+    mark,
+    named,
+    note,
+    outcome,
+    pairs,
+    right,
+    seconds,
+    section,
+    swatch,
+    table,
+)
+from taskspec_runner.pages.html import code, element, joined, prose
+from taskspec_runner.pages.numbers import quantity
 from taskspec_runner.record.folder import plain
 from taskspec_runner.record.whole import write_whole
-from taskspec_runner.report.quantities import quantity
-from taskspec_runner.report.template import part, script, template
 
-HERE = Path(__file__).parent
 Json = Mapping[str, Any]
 #: Columns that are listed; the page says how many there are.
 LISTED = 12
@@ -39,36 +56,152 @@ def write_difference(difference: Difference, path: Path) -> Path:
 
 def render(difference: Difference) -> str:
     """The page as text."""
-    data = difference.data
-    laid = overlaid(difference)
-    shown = charts(laid) if laid else []
-    differ = [row for row in data["metrics"] if not row["same"]]
-    return template("diff.html.j2", HERE).render(
-        names=NAMES,
-        runs=data["runs"],
-        roles={name: role(name) for name in NAMES},
-        title=" and ".join(dict.fromkeys(run["task"] or "run" for run in data["runs"].values())),
-        equal=difference.equal,
-        summary=headline(difference),
-        parting=parting(difference.logs),
-        facts=[row for row in (*data["outcome"], *data["inputs"])],
-        text=_text,
-        expectations=data["expectations"],
-        metrics=[_metric(row) for row in differ if leads(row)],
-        more_metrics=[_metric(row) for row in differ if not leads(row)],
-        same_metrics=sum(row["same"] for row in data["metrics"]),
-        apart=[(each, largest_text(each)) for each in difference.logs.apart[:LISTED]],
-        more=max(len(difference.logs.apart) - LISTED, 0),
-        only=data["log"]["only"],
-        task=data["task"],
-        versions=data["versions"],
-        lead=laid.lead if laid else "",
-        visits=visits_of(laid) if laid else [],
-        charts=shown,
-        data=page_data(laid, shown) if laid else {},
-        style=part("report.css") + part("compare.css", COMPARE) + part("diff.css", HERE),
-        script=script(),
+    data, laid = difference.data, overlaid(difference)
+    runs = data["runs"]
+    title = " and ".join(dict.fromkeys(run["task"] or "run" for run in runs.values()))
+    script, drawn = charted(
+        laid,
+        ((name, run["verdict"], run["sentence"]) for name, run in runs.items()),
+        "Force and motion, time since the runs began",
+        "A click on a run",
     )
+    kind, word = ("equal", "Equal") if difference.equal else ("differs", "Different")
+    about = (
+        (_name(name), joined(code(run["folder"]), " ", _outcome(run["verdict"]), ": ",
+                             prose(run["sentence"])))
+        for name, run in runs.items()
+    )  # fmt: skip
+    return document(
+        f"{title}: two runs",
+        head(
+            "taskspec diff", title, "",
+            outcome(kind, word, element("p", headline(difference))),
+            pairs(about, "runs"),
+            element("p", prose(parting(difference.logs)), class_="parting"),
+        ),
+        _expectations(data),
+        *drawn,
+        _facts(data),
+        _task(data["task"]),
+        _logs(difference),
+        _metrics(data["metrics"]),
+        data=script,
+        scripts=("samples", "plot", "legend", "time"),
+        facts=Markup(""),
+    )  # fmt: skip
+
+
+def _name(name: str) -> Markup:
+    return joined(swatch(role(name), dashed=name == NAMES[1]), name)
+
+
+def _names(look: str = "") -> list[Heading]:
+    """The columns of both runs."""
+    return [Heading(_name(name), look) for name in NAMES]
+
+
+def _outcome(verdict: str) -> Markup:
+    bad = verdict in ("missed", "failed", "stopped", "damaged")
+    return element("span", verdict, class_=f"outcome {'bad' if bad else verdict}")
+
+
+def _look(row: Json) -> str:
+    return "same" if row["same"] else "differ"
+
+
+def _expectations(data: Json) -> Markup:
+    """What both runs made of each expectation."""
+
+    def told(each: Json | None) -> object:
+        if each is None:
+            return "not judged"
+        met = bool(each["passed"])
+        sign = mark(met, ("met", "missed"))
+        said = element("span", sign, class_=f"outcome {'passed' if met else 'bad'}")
+        return joined(said, " ", prose(each["explanation"]))
+
+    rows = (
+        Cells(
+            [named(row.get("name", ""), row["text"]), told(row["a"]), told(row["b"])],
+            "same" if row["same"] else "",
+        )
+        for row in data["expectations"]
+    )
+    return section("Expectations", table(["Expected", *_names()], rows, "long"))
+
+
+def _facts(data: Json) -> Markup:
+    """Outcome, inputs and the versions that differ."""
+    rows = [
+        Cells([row["name"], *(_text(row[side], row["unit"]) for side in ("a", "b"))], _look(row))
+        for row in (*data["outcome"], *data["inputs"])
+    ]
+    rows += [
+        Cells([row["name"], row["a"] or DASH, row["b"] or DASH], "differ")
+        for row in data["versions"]
+    ]
+    return section("Outcome", table(["", *_names()], rows, "long"))
+
+
+def _task(lines: Sequence[str]) -> Markup:
+    """How the task files differ."""
+    looks = {"+": "plus", "-": "minus", "@": "place"}
+    shown = [element("span", x or " ", class_=looks.get(x[:1], "")) for x in lines]
+    return section("Task files", element("pre", *shown, class_="patch") if shown else Markup(""))
+
+
+def _logs(difference: Difference) -> Markup:
+    """The columns that come apart first."""
+    apart, only = difference.logs.apart, difference.data["log"]["only"]
+    rows = [
+        [code(x.name), seconds(x.clock), largest_text(x), seconds(x.at if x.at == x.at else None)]
+        for x in apart[:LISTED]
+    ]
+    columns = map(right, ("First differs at", "Largest difference", "at"))
+    alone = (f"{name} alone has {', '.join(only[name])}." for name in NAMES if only[name])
+    more = len(apart) - LISTED
+    left = f"{more} more columns differ. Differences are between the same ticks of both runs."
+    return section(
+        "Logs",
+        table(["Column", *columns], rows, "long"),
+        *map(note, alone),
+        note(left if more > 0 else ""),
+    )
+
+
+def _metrics(metrics: Sequence[Json]) -> Markup:
+    """The metrics that differ, the main ones in view."""
+    differ = [row for row in metrics if not row["same"]]
+    main = [row for row in differ if leads(row)]
+    others = [row for row in differ if not leads(row)]
+    same = len(metrics) - len(differ)
+    title = "Others that differ" if main else "Metrics that differ"
+    rest = fold(title, len(others), _table_of(others), look="more") if others else Markup("")
+    below = note(f"{same} others are the same." if same else "")
+    shown = _table_of(main) + rest
+    return section("Metrics that differ", shown, below)
+
+
+def _table_of(rows: Sequence[Json]) -> Markup:
+    columns: list[Heading | str] = [
+        "Stage",
+        "Signal",
+        "Metric",
+        *_names("n"),
+        right("Change"),
+        Heading("Share", "n"),
+    ]
+    shown = (
+        [
+            row["stage"],
+            code(row["signal"]),
+            row["statistic"].replace("_", " "),
+            *(in_unit(quantity(row[key], row["unit"])) for key in ("a", "b", "change")),
+            share(row),
+        ]
+        for row in rows
+    )
+    return table(columns, shown, "long")
 
 
 def leads(metric: Json) -> bool:
@@ -104,28 +237,12 @@ def overlaid(difference: Difference) -> Overlay | None:
     runs = {n: r for n, r in zip(NAMES, difference.runs, strict=True) if len(r.clock)}
     if not runs:
         return None
-    summaries = [{"metrics": {}, **run.summary} for run in difference.runs]
-    laws = [
-        {
-            "law": name,
-            # What has no force loop is drawn dashed and on top, as B is to be.
-            "force_loop": name == NAMES[0],
-            "outcome": difference.data["runs"][name]["verdict"],
-            "reason": difference.data["runs"][name]["sentence"],
-        }
-        for name in NAMES
-    ]
-    comparison = Comparison({"laws": laws, "force_axes": force_axes(summaries)}, runs)
-    return Overlay(comparison, next(iter(runs)), "", dict.fromkeys(runs, 0.0))
+    forces = force_axes([{"metrics": {}, **run.summary} for run in difference.runs])
+    return Overlay(runs, next(iter(runs)), dict.fromkeys(runs, 0.0), "", forces, NAMES[1:])
 
 
 def _same(rows: Sequence[Json]) -> bool:
     return all(row["same"] for row in rows)
-
-
-def _metric(row: Json) -> Json:
-    cells = {key: quantity(row[key], row["unit"]) for key in ("a", "b", "change")}
-    return {**row, "statistic": row["statistic"].replace("_", " "), **cells, "share": share(row)}
 
 
 def share(row: Json) -> str:

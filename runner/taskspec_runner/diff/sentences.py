@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from taskspec_runner.diff.difference import NAMES
 from taskspec_runner.diff.logs import Apart, LogDifference
-from taskspec_runner.report.quantities import quantity
+from taskspec_runner.pages.numbers import quantity
 
 #: Columns that a sentence names; it counts the others.
 _NAMED = 3

@@ -176,7 +176,7 @@ def _joint_state(names: list[str]) -> Layout:
 
 
 def _wrench(rows: History, suffix: str) -> NDArray[np.float64]:
-    """(n, 6) what the robot applies; zero along what the arm cannot feel.
+    """(n, 6) what the robot applies; zero along what the sensor does not measure.
 
     What was not recorded is not a number.
     """

@@ -41,7 +41,7 @@ class _Replay(Replay):
     def task_frame(self) -> tuple[Vector, Vector]:
         """(n, 3), (n, 3, 3) the frame of each row's stage; of a following one at the foot.
 
-        On the way to rest there is none.
+        As the arm is brought to rest there is none.
         """
         p, R = (np.full_like(part, np.nan) for part in self.tip_pose())
         for visit in self._visits:

@@ -1,4 +1,4 @@
-"""The log of a run on its way into a file of another format."""
+"""The log of a run as a stream into a file of another format."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ def open_robot(url: str, say: Callable[[str], None] | None = None) -> TorqueRobo
 
     Args:
         url: `SCHEME://...`; `udp` is built in, others are entry points of `taskspec.robots`.
-        say: is told while it is waited for.
+        say: reports that it is waited for.
 
     Raises:
         InputError: there is no such scheme, or no robot there.

@@ -14,7 +14,7 @@ from taskspec_runner.loop.driven import Driven
 from taskspec_runner.record.history import History
 
 #: The column of how late what came for a tick came.
-_LATE = "link.late"
+_LATENESS_COLUMN = "link.late"
 
 
 class Link(Protocol):
@@ -34,7 +34,7 @@ class Link(Protocol):
         """What the run is made of."""
 
     def finish(self, text: str) -> None:
-        """Tells the other end that the run has ended, and why. May be called twice."""
+        """Reports to the other end that the run has ended, and why. May be called twice."""
 
     def as_data(self) -> dict[str, Any]:
         """What a summary says of it."""
@@ -42,7 +42,7 @@ class Link(Protocol):
 
 def link_summary(link: Link, history: History) -> dict[str, Any]:
     """What a summary says of a link: its counts, and how late what came for the ticks came [s]."""
-    late = history.columns[_LATE] if not link.lock_step and len(history) else np.zeros(0)
+    late = history.columns[_LATENESS_COLUMN] if not link.lock_step and len(history) else np.zeros(0)
     found = link.as_data() | {"ticks": len(history)}
     if len(late):
         p50, p99 = (float(x) for x in np.percentile(late, (50, 99)))

@@ -29,7 +29,7 @@ POLICIES = (CATCH_UP, HOLD)
 STOP_AFTER = 20
 #: A sample is that of a tick if its stamp is nearer than this [periods]. Between a half and one, so
 #: that a clock that drifts loses one sample in a while, and not many about the half.
-_NEAR = 0.75
+_STAMP_TOLERANCE = 0.75
 #: Samples in a row that bring nothing new before a robot is given up.
 _USELESS = 1000
 
@@ -62,7 +62,7 @@ class RobotPlant:
     taken one by one, each is answered, and the robot takes the newest answer.
 
     Attributes:
-        arm: itself, which the loop asks whether it has diverged.
+        arm: itself, whose divergence the loop checks.
         diverged: whether the robot has ended.
         lost, in_a_row, late, repeated, reordered, early: samples so far, by what became of them.
     """
@@ -85,7 +85,7 @@ class RobotPlant:
 
     @property
     def arm(self) -> RobotPlant:
-        """The arm, as the loop asks for it."""
+        """The arm, as the loop uses it."""
         return self
 
     # What the loop calls: `read`, the tick, `step`, `alarm`.
@@ -146,10 +146,10 @@ class RobotPlant:
                 self.reordered += 1
                 continue
             ahead = (sample.stamp - self._begin) / self._period - self._due
-            if ahead <= -_NEAR:
+            if ahead <= -_STAMP_TOLERANCE:
                 self.early += 1
                 continue
-            lost = round(ahead) if ahead >= _NEAR else 0
+            lost = round(ahead) if ahead >= _STAMP_TOLERANCE else 0
             self._due, self._stamp = self._due + 1 + lost, sample.stamp
             if self._bus.linked:
                 delay = time.perf_counter() - sample.stamp
@@ -200,7 +200,7 @@ class RobotPlant:
         self._ticks += 1
 
     def release(self) -> None:
-        """Nothing is left to be done here: a robot that is told to stop comes to rest by itself."""
+        """Nothing is left to be done: a robot that is commanded to stop comes to rest itself."""
 
     def alarm(self) -> tuple[str, str] | None:
         """Why the robot has ended, if it has."""
@@ -256,7 +256,7 @@ class OnRobot:
         return Assembly(program, world, bus, plant, machine, sensing=plant, measured=True)
 
     def finish(self, text: str) -> None:
-        """Tells the robot that the run has ended, and why. May be called twice."""
+        """Reports to the robot that the run has ended, and why. May be called twice."""
         if not self._finished:
             self._finished = True
             self.robot.stop(text)

@@ -2,7 +2,7 @@
 
 All numbers are little-endian. A packet is a head, a body and a CRC-32 of both. What is not whole,
 of another version, too long, or has a number that is not finite where it would move a robot, is
-rejected with a reason; nothing is believed of it.
+rejected with a reason; nothing of it is used.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ HEAD_FIELDS = (
     ("version", "1"),
     ("kind", "1 hello, 2 welcome, 3 state, 4 command, 5 stop"),
     ("size", "bytes of the whole packet, checksum included"),
-    ("session", "chosen by the plant, told in its welcome; 0 in a hello"),
+    ("session", "chosen by the plant, sent in its welcome; 0 in a hello"),
     ("number", "of the sample; of a command, that of the sample it answers"),
     ("stamp", "the plant's time of the sample [s]; 0 where there is none"),
 )

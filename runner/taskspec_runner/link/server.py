@@ -39,7 +39,7 @@ Peer = tuple[Any, ...]
 
 #: In lock-step a sample that is not answered is sent again after this time [s].
 _AGAIN = 0.05
-#: How long the end is told to a controller that does not answer [s].
+#: How long the end is reported to a controller that does not answer [s].
 _FAREWELL = 0.3
 #: Samples in a row that may go without an answer at the wall clock.
 STOP_AFTER = 20
@@ -128,9 +128,9 @@ class PlantServer:
         """Waits for a controller, and welcomes it.
 
         Args:
-            welcome: what it is told.
+            welcome: what it is sent.
             patience: how long [s].
-            say: is told now and then that nobody has come.
+            say: reports now and then that nobody has come.
 
         Raises:
             InputError: nobody has come.
@@ -140,10 +140,10 @@ class PlantServer:
         self._welcome = Packet(packets.WELCOME, self._session, 0, 0.0, body).to_bytes()
         if len(self._welcome) > packets.LONGEST:
             raise InputError("the task has too many names for a welcome of 16384 bytes")
-        began, told = time.monotonic(), 0.0
+        began, reported = time.monotonic(), 0.0
         while (waited := time.monotonic() - began) < patience:
-            if say is not None and waited >= told + 5:
-                told = waited
+            if say is not None and waited >= reported + 5:
+                reported = waited
                 say(f"waiting for a controller at {self.endpoint.text}: {waited:.0f} s")
             data, peer = self._received(0.2)
             if data is None:
@@ -177,7 +177,7 @@ class PlantServer:
             data, peer = self._received(until - time.monotonic())
             if data is None:
                 return None
-            # A flood of rubbish is looked at no longer than that.
+            # A flood of rubbish is read no longer than that.
             late = time.monotonic() > until
             try:
                 packet = packets.read_packet(data)
@@ -207,7 +207,7 @@ class PlantServer:
         self._send(Packet(packets.STATE, self._session, number, stamp, body).to_bytes())
 
     def say_stop(self, text: str) -> None:
-        """Tells the controller that nothing follows."""
+        """Reports to the controller that nothing follows."""
         body = packets.stop_body(text)
         self._send(Packet(packets.STOP, self._session, 0, 0.0, body).to_bytes())
 
@@ -217,7 +217,7 @@ class PlantServer:
 
     def _send(self, data: bytes, peer: Peer | None = None) -> None:
         to = self._peer if peer is None else peer
-        # What cannot be sent is as lost as what is lost on the way: silence is given up in time.
+        # What cannot be sent is as lost as what the network loses: silence is given up in time.
         with contextlib.suppress(OSError):
             self._socket.sendto(data, to)  # type: ignore[arg-type]
 
@@ -242,7 +242,7 @@ class ServedPlant:
     comes too late, the plant's clock waits for it.
 
     Attributes:
-        arm: itself, which the loop asks whether it has diverged.
+        arm: itself, whose divergence the loop checks.
         diverged: as the plant's arm.
         lost, in_a_row, late, repeated, clipped: answers so far, by what became of them.
         slipped: how long the plant's clock has waited [s].
@@ -270,7 +270,7 @@ class ServedPlant:
 
     @property
     def arm(self) -> ServedPlant:
-        """The arm, as the loop asks for it."""
+        """The arm, as the loop uses it."""
         return self
 
     def read(self) -> None:
@@ -313,7 +313,7 @@ class ServedPlant:
         self._ticks += 1
 
     def release(self) -> Plant:
-        """The plant without its controller; what that is told at last is the sample before it."""
+        """The plant without its controller; what that is sent at last is the sample before it."""
         self._last = copy.deepcopy(self._state(packets.LAST))
         return self._plant
 
@@ -458,7 +458,7 @@ class Served:
         return Assembly(program, world, parts.bus, self._plant, parts.machine, sensing=self._plant)
 
     def finish(self, text: str) -> None:
-        """Tells the controller that the run has ended, and why. May be called twice."""
+        """Reports to the controller that the run has ended, and why. May be called twice."""
         if self.server.closed:
             return
         if self._plant is not None:
@@ -479,7 +479,7 @@ class Served:
 
 
 def welcome(program: Program, options: ServerOptions) -> dict[str, Any]:
-    """What a controller is told before it drives a plant."""
+    """The welcome of a controller before it drives a plant."""
     context = program.context
     robot, facts = context.robot, RobotFacts.of(program, lock_step=not options.free_running)
     limits, hinges = RobotLimits.of(robot), robot.hinges

@@ -64,7 +64,7 @@ class UdpRobot:
             url: where it is.
             patience: how long it is waited for [s].
             silence: after which it is given up in a run [s].
-            say: is told now and then that it is still waited for.
+            say: reports now and then that it is still waited for.
 
         Raises:
             InputError: there is none, or it speaks another version.
@@ -85,11 +85,11 @@ class UdpRobot:
     def _introduced(self, patience: float, say: Callable[[str], None] | None) -> dict[str, Any]:
         body = packets.json_body({"protocol": packets.VERSION, "client": f"taskspec {__version__}"})
         hello = Packet(packets.HELLO, 0, 0, 0.0, body).to_bytes()
-        began, told, last = time.monotonic(), 0, "nothing came back"
+        began, reported, last = time.monotonic(), 0, "nothing came back"
         while (waited := time.monotonic() - began) < patience:
-            if say is not None and int(waited) > told:
-                told = int(waited)
-                say(f"waiting for {self.where}: {told} s of {patience:.0f} s")
+            if say is not None and int(waited) > reported:
+                reported = int(waited)
+                say(f"waiting for {self.where}: {reported} s of {patience:.0f} s")
             try:
                 self._socket.send(hello)
                 until = time.monotonic() + _AGAIN

@@ -18,7 +18,7 @@ Vector = NDArray[np.float64]
 
 #: Squared joint torques, velocities and positions of a sane run stay far below this.
 HEALTHY = 1e12
-#: Ticks between looks at the simulator's warning counters, which are slow to read.
+#: Ticks between checks of the simulator's warning counters, which are slow to read.
 LOOK_EVERY = 20
 
 

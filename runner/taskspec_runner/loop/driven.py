@@ -42,10 +42,10 @@ class BlockSink(TickSink, Protocol):
 
 
 class DrivenArm(Protocol):
-    """What the loop asks an arm.
+    """What the loop uses of an arm.
 
     Attributes:
-        diverged: whether alarms are to be looked at now.
+        diverged: whether alarms are to be checked now.
     """
 
     diverged: bool

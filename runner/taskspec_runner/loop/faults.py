@@ -198,7 +198,7 @@ class Faults:
             exerted[:] = torque
             for each in self._of[TORQUE]:
                 each.on(self._machine, self._ticks, exerted)
-            # Whatever they are told, motors exert no more than they can.
+            # Whatever they are commanded, motors exert no more than they can.
             np.clip(exerted, -self._limit, self._limit, out=exerted)
             if self._log is not None:
                 self._log[:] = exerted

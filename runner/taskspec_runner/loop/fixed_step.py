@@ -35,8 +35,8 @@ NATIVE, INTERPRETED, PYTHON = "native", "interpreted", "python"
 _LOOPS = (NATIVE, INTERPRETED, PYTHON)
 #: A variable of the environment that names the loop of runs that do not name it.
 LOOP = "TASKSPEC_LOOP"
-#: Ticks of a run after which a thread compiles code of its own. That takes 0.6 to 2 s, and saves 4
-#: to 10 us a tick beside the interpreter.
+#: Ticks of a run after which a thread compiles code of its own. That takes as long as some 200 000
+#: ticks save by it beside the interpreter; the next run finds it.
 _WORTH_COMPILING = 100_000
 #: Ticks that machine code runs at most before Python sees to messages, progress and interrupts.
 _AT_ONCE = 400
@@ -56,7 +56,7 @@ class Outcome:
         clock: simulated time [s].
         ticks: control periods.
         loop: what ran the ticks on which nothing happens, `native` or `python`.
-        why_python: why they were not run natively, empty where they were or that was asked for.
+        why_python: why they were not run natively, empty where they were or Python was selected.
         lost: whether an alarm of the simulator ended it, so that there is nothing to be brought to
             rest.
         not_at_rest: why the arm was not brought to rest after it, or not to the end; empty if it
@@ -215,7 +215,7 @@ def _to_rest(closed: ClosedLoop, outcome: Outcome, period: float) -> Brought:
 
 
 def _unseen(machine: Machine, clock: float) -> None:
-    """Progress that nobody looks at."""
+    """Progress that is not shown."""
 
 
 class _Native:
@@ -225,7 +225,7 @@ class _Native:
         why: why Python runs all ticks, as a sentence; empty where it does not, or is wanted to.
         used: whether machine code has run any.
         runs: whether it may run more.
-        look: whether the plant's alarms are to be looked at after what has been run.
+        look: whether the plant's alarms are to be checked after what has been run.
         goes_on: whether the tick that follows is the native loop's own.
         sensed: whether the tick that follows has been sensed.
         made: whether the machine has made it, so that only its step and its record are left.
@@ -258,7 +258,7 @@ class _Native:
 
     def run(self, ticks: int) -> int:
         """Runs ticks after the first `ticks` of a run; returns how many there have been."""
-        # It stays so where `run` is not asked any more.
+        # It stays so where `run` is not called any more.
         self.look = self.goes_on = self.sensed = self.made = False
         assert self._sink is not None
         # With llvmlite these take a tenth of a second to import.

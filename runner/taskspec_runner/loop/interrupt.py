@@ -16,7 +16,7 @@ from typing import Any, Self
 
 #: What a shell adds to the number of the signal that ended a process.
 BY_SIGNAL = 128
-#: What asks a process to end; where a terminal can hang up, that too.
+#: Signals that end a process; where a terminal can hang up, that too.
 _TERMINATING = tuple(
     getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
@@ -24,7 +24,7 @@ _ALL = {signal.SIGINT, *_TERMINATING}
 
 
 class Terminated(KeyboardInterrupt):
-    """A signal other than Ctrl-C has asked the process to end.
+    """A signal other than Ctrl-C has ended the process.
 
     Attributes:
         number: of the signal.

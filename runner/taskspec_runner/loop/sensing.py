@@ -66,11 +66,11 @@ class Sensing:
         if zero is None:
             wiring.writes(wiring.reads("wrench", arm.wrench), machine.wrench)
         self._copied = wiring.bound("measured")
-        felt = arm.wrench if arm.wrist is None else arm.wrist
+        wrench = arm.wrench if arm.wrist is None else arm.wrist
         self.sensor = (
             None
             if zero is None
-            else ForceSensor(arm.sensor, felt, arm.tip_rotation, zero, machine.period, seed)
+            else ForceSensor(arm.sensor, wrench, arm.tip_rotation, zero, machine.period, seed)
         )
 
     def read(self) -> None:

@@ -130,7 +130,7 @@ def sending(address: str | None, say: Callable[[str], None] = warn) -> Iterator[
 
     Args:
         address: where to, None for none.
-        say: tells what goes wrong.
+        say: reports what goes wrong.
 
     Raises:
         InputError: the address is none.
@@ -179,7 +179,7 @@ class Tap:
         self._note(ticks)
 
     def by_machine_code(self) -> None:
-        """Tells the recorder that machine code runs the ticks."""
+        """Informs the recorder that machine code runs the ticks."""
         self._recorder.by_machine_code()
 
     def _note(self, ticks: int) -> None:

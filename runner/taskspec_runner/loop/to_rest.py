@@ -21,8 +21,8 @@ Vector = NDArray[np.float64]
 
 #: For how long an arm is brought to rest [s].
 STRETCH = 0.5
-#: Outputs of a stage that tell of what it asks for; nobody asks for anything any more.
-_ASKED = (
+#: Outputs of a stage about its commands, which have no value any more.
+_COMMAND_OUTPUTS = (
     *("force_ref", "position_ref", "velocity_ref", "error", "reaction_ref"),
     *("path_done", "force_inconsistent", "limited", "limits", "residual"),
 )
@@ -47,8 +47,8 @@ class Brought:
 def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -> Brought:
     """Runs the stop controller on a plant for `STRETCH`, and records that.
 
-    What is recorded is measured as the stage did that was broken off, in its frame; what that asked
-    for has no value any more.
+    What is recorded is measured as the stage did that was broken off, in its frame; what that
+    commanded has no value any more.
 
     Args:
         closed: the loop, after its last tick.
@@ -63,7 +63,11 @@ def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -
     step_most, undamped = period * _rates(machine), np.zeros(len(machine.torque), dtype=np.bool_)
     most, decay = plant.scene.arm.robot.torque_limit, decay_time(period)
     clock, t, stage = (bus.slices[name].start for name in ("clock", "t", "stage"))
-    asked = [where for name, where in bus.slices.items() if name.removeprefix("true.") in _ASKED]
+    commanded = [
+        where
+        for name, where in bus.slices.items()
+        if name.removeprefix("true.") in _COMMAND_OUTPUTS
+    ]
     # Whoever held the torques of a plant that is served is gone.
     step = plant.step if closed.faults is None else closed.faults.step
     for number in range(round(STRETCH / period)):
@@ -84,7 +88,7 @@ def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -
         bus.array[clock], bus.array[t] = (ticks + number) * period, number * period
         bus.array[stage] = len(machine.runners) + machine.index
         step(torque)
-        for where in asked:
+        for where in commanded:
             bus.array[where] = np.nan
         closed.recorder.add()
         alarm = plant.alarm()

@@ -12,9 +12,9 @@ from taskspec_runner.plant.names import INERT, KNOB, PREFIX, placed
 _BASE = (0.36, 0.40, 0.45, 1.0)
 _BAR = (0.56, 0.60, 0.66, 1.0)
 _KNOB = (0.16, 0.36, 0.56, 1.0)
-#: Radii [m] of axis, bar and knob, and half length of what is seen of an axis.
+#: Radii [m] of axis, bar and knob, and half length of what is drawn of an axis.
 _AXIS_RADIUS, _BAR_RADIUS, _KNOB_RADIUS, _HALF_AXIS = 0.014, 0.008, 0.016, 0.03
-_SHORT = 1e-6
+_SHORTEST_BAR = 1e-6
 
 
 def dress(spec: mujoco.MjSpec) -> None:
@@ -94,7 +94,7 @@ def draw_mechanism(
     if not handle:
         return
     for a, b in ((foot, grip), (np.zeros(3), foot)):
-        if np.linalg.norm(b - a) > _SHORT:
+        if np.linalg.norm(b - a) > _SHORTEST_BAR:
             body.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_CAPSULE,
                 fromto=[*a, *b],

@@ -20,7 +20,7 @@ from taskspec_runner.plant.names import KNOB, PREFIX, placed, weightless
 
 Vector = NDArray[np.float64]
 
-#: Of a free knob; its share of the mechanism's own inertia is not felt.
+#: Of a free knob; its share of the mechanism's own inertia is negligible.
 KNOB_MASS, KNOB_INERTIA = 1e-6, 1e-6
 #: A body that only turns weighs this [kg], on its axis.
 _TURNING_MASS = 1e-3
@@ -45,8 +45,8 @@ def add_mechanism(spec: mujoco.MjSpec, name: str, declared: Mechanism, period: f
     inertia = getattr(declared, "inertia", 1.0)
     weightless(body, getattr(declared, "mass", _TURNING_MASS), inertia)
     kinds = {"hinge": ["turn"], "slide": ["shift"], "screw": ["shift", "turn"]}
-    for way in kinds[declared.mechanism]:
-        _add_joint(body, f"{PREFIX}{name}/{way}", slides=way == "shift")
+    for kind in kinds[declared.mechanism]:
+        _add_joint(body, f"{PREFIX}{name}/{kind}", slides=kind == "shift")
     coordinate = spec.joint(coordinate_joint(name, declared))
     coordinate.damping = [declared.damping, 0.0, 0.0]
     coordinate.frictionloss = declared.friction
@@ -69,7 +69,7 @@ def _add_joint(body: mujoco.MjsBody, name: str, *, slides: bool) -> None:
 
 
 def add_thread(spec: mujoco.MjSpec, name: str, lead: float, period: float) -> None:
-    """Couples a screw's way to its angle: a tendon of way less lead times angle keeps its length.
+    """Couples a screw's travel to its angle: a tendon keeps travel less lead times angle.
 
     A tendon's constraint is as rigid as its true inverse weight makes it; that of two joints adds
     theirs as if the lead were 1.

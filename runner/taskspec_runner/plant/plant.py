@@ -36,18 +36,18 @@ class PlantArm:
     Attributes:
         q: (n,) view of the true joint positions.
         v: (n,) view of the true joint velocities.
-        torque: (n,) view of what the motors are told to exert [N m, N].
+        torque: (n,) view of what the motors are commanded to exert [N m, N].
         velocities: where the joints are among the plant's degrees of freedom.
         wrench: (6,) of the last step, by the environment on the tool tip, world axes [N, N m].
         object_forces: (shapes,) magnitude of the contact force with each shape [N].
-        wrist: (6,) the wrench as a sensor between flange and tool feels it, with the tool's weight
-            and inertia; None unless the sensor is at the wrist.
+        wrist: (6,) the wrench as a sensor between flange and tool measures it, with the tool's
+            weight and inertia; None unless the sensor is at the wrist.
         grip: what it holds something with; None where it holds nothing.
         equations: the constraints on it; None where there are none.
         forces: writes the wrenches and forces.
         sensor: the true one.
         tip_rotation: (9,) the tip's axes in the last step, row by row.
-        rests: whether it rests on brakes before the first step, as it feels its tool.
+        rests: whether it rests on brakes before the first step, as its sensor carries the tool.
         diverged: the last step's contact force is beyond all bounds.
     """
 
@@ -153,7 +153,7 @@ class Plant:
         arm.read_forces()
 
     def _settle(self) -> None:
-        """Finds the forces before the first step; an arm that feels its tool rests on brakes."""
+        """Finds the forces before the first step; an arm with a wrist sensor rests on brakes."""
         model, data, arm = self.model, self.data, self.arm
         if self.moving_bases is not None:
             self.moving_bases.drive()

@@ -39,20 +39,20 @@ class Scene:
     sensors: tuple[slice, ...]
 
 
-def build_scene(arm: SceneArm, task: Task, *, seen: bool = False) -> Scene:
+def build_scene(arm: SceneArm, task: Task, *, drawn: bool = False) -> Scene:
     """Compiles the scene of a task.
 
     Args:
         arm: in it; its MjSpec is copied, not changed.
         task: whose `world` and `control` are the true ones.
-        seen: whether pictures are made of it; light, sky and floor are most of the time that it
+        drawn: whether pictures are made of it; light, sky and floor are most of the time that it
             takes.
     """
     robot = arm.robot
     spec = robot.spec.copy()
     period = 1.0 / task.control.plant_rate
     _set_options(spec.option, period, friction_ratio(task))
-    if seen:
+    if drawn:
         dress(spec)
     joints, declared = robot.joint_names, arm.declared
     damping = np.broadcast_to(declared.joint_damping, len(joints))

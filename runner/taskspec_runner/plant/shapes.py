@@ -22,7 +22,7 @@ COLORS: tuple[Color, ...] = (
     (0.75, 0.62, 0.48, 1.0),
     (0.50, 0.62, 0.58, 1.0),
 )
-#: How far an endless shape is seen along its x and y, about where the tool starts [m].
+#: How far an endless shape is drawn along its x and y, about where the tool starts [m].
 _VISIBLE = np.array([0.22, 0.22])
 
 
@@ -74,5 +74,5 @@ def _add_mesh(spec: mujoco.MjSpec, name: str, geom: Geom) -> None:
 
 
 def visible_name(name: str) -> str:
-    """The geom of what is seen of an endless shape."""
+    """The geom that is drawn of an endless shape."""
     return f"{PREFIX}{name}/slab"

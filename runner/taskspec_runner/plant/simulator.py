@@ -70,7 +70,7 @@ def address(name: str) -> int:
 def data_layout() -> DataLayout:
     """Where the clock and the constraint forces are in every `mjData` of this MuJoCo.
 
-    They are looked for in data whose clock, and whose forces' address, are known.
+    They are searched in data whose clock, and whose forces' address, are known.
 
     Raises:
         LayoutError: they are not there.

@@ -1,4 +1,4 @@
-"""What a force sensor between flange and tool feels: the contact, and the tool that hangs on it."""
+"""The force sensor between flange and tool: it measures the contact and the weight of the tool."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 BLOCK_ROWS = 1 << 15
 #: Arrays of more bytes than this go to a file.
 LARGE = 1 << 20
-_ELSEWHERE = Path("/var/tmp")
+_FALLBACK_FOLDER = Path("/var/tmp")
 
 
 def unnamed_file() -> int:
@@ -34,8 +34,8 @@ def unnamed_file() -> int:
         OSError: it cannot be made.
     """
     folder = os.environ.get("TMPDIR")
-    if not folder and os.access(_ELSEWHERE, os.W_OK):
-        folder = str(_ELSEWHERE)
+    if not folder and os.access(_FALLBACK_FOLDER, os.W_OK):
+        folder = str(_FALLBACK_FOLDER)
     with tempfile.TemporaryFile(dir=folder or None) as file:
         return os.dup(file.fileno())
 
@@ -106,7 +106,7 @@ class FileArray(np.ndarray[Any, np.dtype[Any]]):
         by_element = ufunc.signature is None and ufunc.nout == 1
         if method in ("__call__", "accumulate") and by_element and not options:
             shape = np.broadcast_shapes(*map(np.shape, given))
-            # What type comes out is asked of no value at all.
+            # The type of the result follows from an empty array.
             kind = getattr(ufunc, method)(*map(_none_of, given)).dtype
             made = empty(shape, kind)
             if isinstance(made, FileArray):
@@ -115,7 +115,7 @@ class FileArray(np.ndarray[Any, np.dtype[Any]]):
         return getattr(ufunc, method)(*given, **options)
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
-        """A function of NumPy; those that would make large arrays have a way of their own."""
+        """A function of NumPy; those that would make large arrays have a version of their own."""
         own = _OWN.get(func)
         if own is not None:
             return own(*args, **kwargs)

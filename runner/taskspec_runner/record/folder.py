@@ -40,7 +40,7 @@ Json = Mapping[str, Any]
 
 _OWN = (TASK, MANIFEST, LOG, BLOCK, SUMMARY, REPORT, CRASH)
 
-#: Where runs go that are not told where to go.
+#: The default folder of runs.
 RUNS = Path("runs")
 #: What a JSON file of a folder has at the most [bytes]; those of long runs have some 100 kB.
 LARGEST = 1 << 26
@@ -245,7 +245,7 @@ def opened(
     except OSError as error:
         raise OutputError.of(out or usual, error) from error
     try:
-        # Another run may have come and gone since it was looked at.
+        # Another run may have come and gone since it was read.
         check(out)
         clear(out)
     except BaseException as error:

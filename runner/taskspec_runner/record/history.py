@@ -24,7 +24,7 @@ STAGE = "stage"
 #: name has no space.
 TO_REST = "to rest"
 #: Rows of batches that are put together at once.
-_TOGETHER = 1 << 13
+_ROWS_PER_MERGE = 1 << 13
 #: What the schema of a log says that was recorded elsewhere: the columns that it does not have.
 _UNRECORDED = b"not_recorded"
 
@@ -146,7 +146,7 @@ class History:
 
     @cached_property
     def _visits(self) -> tuple[Visit, ...]:
-        """All expectations ask for them: they are found once."""
+        """All expectations use them: they are found once."""
         if not len(self):
             return ()
         t = self.columns["t"]
@@ -186,7 +186,7 @@ class HistoryBuilder:
         if lasting:
             self._batches.append(batch)
             self._waiting += batch.num_rows
-            if self._waiting >= _TOGETHER:
+            if self._waiting >= _ROWS_PER_MERGE:
                 self._put_together()
         else:
             self._columns.add({n: v.copy() for n, v in _numbers(batch)})

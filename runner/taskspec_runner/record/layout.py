@@ -241,7 +241,7 @@ def _of_joints(joints: int, task: Task) -> Iterator[Column]:
 
 
 def stage_names(stages: tuple[CompiledStage, ...]) -> list[str]:
-    """What a tick can be in, by its number: a stage, or beyond these on the way to rest."""
+    """What a tick can be in, by its number: a stage, or beyond these the stop to rest."""
     return [*(s.name for s in stages), TO_REST]
 
 

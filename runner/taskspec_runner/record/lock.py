@@ -23,7 +23,7 @@ from taskspec_runner.record.manifest import now
 LOCK = ".taskspec-lock"
 #: Room that the lock's file keeps for what has to be written when a disk is full [bytes].
 RESERVE = 1 << 16
-_MOST = 4096
+_LARGEST_LOCK = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +119,7 @@ def holder(folder: Path) -> Holder | None:
 def _holder(descriptor: int) -> Holder:
     said: Any = None
     with contextlib.suppress(OSError, ValueError):
-        said = json.loads(os.pread(descriptor, _MOST, 0).rstrip(b"\0"))
+        said = json.loads(os.pread(descriptor, _LARGEST_LOCK, 0).rstrip(b"\0"))
     if not isinstance(said, Mapping):
         said = {}
     return Holder(*(str(said.get(key, "")) for key in ("pid", "host", "since")))

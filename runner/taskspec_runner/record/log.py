@@ -96,7 +96,7 @@ class Log:
                 self._sha256.update(pieces)
                 self._written += len(pieces)
         except OSError as error:
-            # What is there of a batch that is not complete would only be in the way.
+            # What is there of a batch that is not complete would only be an obstacle.
             with contextlib.suppress(OSError):
                 self._file.truncate(self._written)
             self._failure = OutputError.of(self._path, error)
@@ -147,7 +147,7 @@ class LogReader:
             path: of the file.
             run: what its batches say of their run, if they do; None for any.
             last: SHA-256 of the file up to the end of the last batch that counts; empty for a log
-                that is known to be whole; None where it is not known, and the last is believed.
+                that is known to be whole; None where it is not known, and the last is used.
 
         Raises:
             OSError: there is none, or it is no regular file.
@@ -246,7 +246,7 @@ class _HashedFile:
 
     def read(self, size: int = -1) -> bytes:
         """Some bytes, fewer at the end."""
-        # No more than there are, as room is made before they are looked for.
+        # No more than there are, as room is made before they are found.
         left = max(os.fstat(self._file.fileno()).st_size - self._file.tell(), 0)
         content = self._file.read(left if size < 0 else min(size, left))
         if self._used:

@@ -15,7 +15,7 @@ from taskspec_runner.record.file_array import FileArray, empty, unnamed_file
 #: Rows of a log that are in memory before they go to a file.
 SPILL_ROWS = 1 << 15
 #: Rows that a file has room for at first; the room is made of holes.
-_ROOM = 1 << 20
+_FIRST_CAPACITY = 1 << 20
 _CHUNK = 1 << 22
 
 
@@ -126,7 +126,7 @@ class ColumnFile:
         Raises:
             OSError: it cannot be made.
         """
-        self._names, self._rows, self._room = names, 0, _ROOM
+        self._names, self._rows, self._room = names, 0, _FIRST_CAPACITY
         self._descriptor = unnamed_file()
 
     def append(self, columns: Mapping[str, Sequence[NDArray[np.float64]]]) -> None:

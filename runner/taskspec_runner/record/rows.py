@@ -1,4 +1,4 @@
-"""Ticks of a run that no log keeps: raw, in memory, and as columns where one is asked for."""
+"""Ticks of a run that no log keeps: raw, in memory, and as columns where one is used."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class RowKeeper:
 
 
 class RowColumns(Mapping[str, Vector]):
-    """The columns of a log, made of raw ticks when they are asked for."""
+    """The columns of a log, made of raw ticks at their first use."""
 
     def __init__(self, layout: LogLayout, parts: list[Vector]) -> None:
         """The columns of `layout`; `parts` are rows of the bus, (ticks, fields) each."""

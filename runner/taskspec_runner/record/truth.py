@@ -1,4 +1,4 @@
-"""The true signals of logged ticks: the formulas of the table, told what the plant has written."""
+"""The true signals of logged ticks: the formulas of the table, of what the plant has written."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Truth:
         fields: Mapping[str, slice],
         names: Sequence[str],
     ) -> None:
-        """Puts the formulas together, which are compiled as they are asked for.
+        """Puts the formulas together, which are compiled at their first use.
 
         Args:
             robot: for its tool.
@@ -67,10 +67,11 @@ class Truth:
             if name.startswith(TRUE) and name != f"{TRUE}torque":
                 parts[name.removeprefix(TRUE)] = parts[name]
         objects = _objects(robot, task, parts)
-        kinds = [(stage.plan.axes, stage.plan.gap_contact) for stage in stages]
+        kinds = [(stage.plan.axes, stage.plan.contacts.of_gap) for stage in stages]
         distinct = list(dict.fromkeys(kinds))
         #: Number of the situation of each stage, and where the bus has the stage.
-        # On the way to rest it has the number of the stage that was broken off, behind all stages.
+        # As it is brought to rest it has the number of the stage that was broken off, behind all
+        # stages.
         self._of_stage = np.array([distinct.index(kind) for kind in kinds * 2])
         self._stage = fields["stage"].start
         self._row = row
@@ -195,9 +196,9 @@ def _objects(robot: RobotModel, task: Task, symbols: Mapping[str, ca.SX]) -> dic
         found[name] = ObjectState(kind, distance, effort=symbols["equations"][i])
     for i, (name, mechanism) in enumerate(task.mechanisms.items()):
         place = symbols["mechanism_positions"][i]
-        way = mechanism.lead * place if mechanism.angular else place
+        travel = mechanism.lead * place if mechanism.angular else place
         effort = symbols["mechanism_efforts"][i]
-        found[name] = ObjectState(mechanism.kind, coordinate=place, way=way, effort=effort)
+        found[name] = ObjectState(mechanism.kind, coordinate=place, travel=travel, effort=effort)
     return found
 
 

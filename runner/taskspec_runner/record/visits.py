@@ -34,28 +34,28 @@ class StageVisit:
 
 def judged_visits(summary: Json) -> tuple[StageVisit, ...]:
     """The stays that a summary names; none where it does not say when they were."""
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     visits = []
     for entry in mappings(summary.get("stages")):
         start, end = number(entry.get("start")), number(entry.get("end"))
         if start is None or end is None:
             return ()
         name = str(entry.get("name", ""))
-        seen[name] = seen.get(name, 0) + 1
+        counts[name] = counts.get(name, 0) + 1
         law, frame = str(entry.get("law") or ""), str(entry.get("frame") or "")
         ended_by = mapping(entry.get("ended_by"))
-        visits.append(StageVisit(name, seen[name], start, end, law, frame, ended_by))
+        visits.append(StageVisit(name, counts[name], start, end, law, frame, ended_by))
     return tuple(visits)
 
 
 def logged_visits(history: History) -> tuple[StageVisit, ...]:
     """The stays that a log shows, with what only the summary knows left empty."""
     clock = history.columns.get("clock", np.zeros(0))
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     visits = []
     for each in history.visits():
-        seen[each.stage] = seen.get(each.stage, 0) + 1
+        counts[each.stage] = counts.get(each.stage, 0) + 1
         after = min(each.last + 1, len(clock) - 1)
         start, end = float(clock[each.first]), float(clock[after])
-        visits.append(StageVisit(each.stage, seen[each.stage], start, end))
+        visits.append(StageVisit(each.stage, counts[each.stage], start, end))
     return tuple(visits)

@@ -140,20 +140,20 @@ class Assignment:
     def _stated(self, column: str, name: str) -> str:
         """The unit that the log states of a column."""
         unit, dimension = self._source.units[column], self._dimensions[name]
-        way = f"say it in the map: {name}: {{column: {column}, unit: ...}}"
+        remedy = f"say it in the map: {name}: {{column: {column}, unit: ...}}"
         if not unit:
             if dimension == NUMBER:
                 return ""
             raise InputError(
                 f"{self._source.path}: column '{column}' states no unit, and {name} is "
-                f"{describe(dimension)}; {way} ({fitting_text(dimension)})"
+                f"{describe(dimension)}; {remedy} ({fitting_text(dimension)})"
             )
         try:
             own = parse_unit(unit).dimension
         except ValueError:
             raise InputError(
-                f"{self._source.path}: the unit '{unit}' of column '{column}' is not known; {way} "
-                f"({' '.join(UNITS)})"
+                f"{self._source.path}: the unit '{unit}' of column '{column}' is not known; "
+                f"{remedy} ({' '.join(UNITS)})"
             ) from None
         if own != dimension:
             raise InputError(

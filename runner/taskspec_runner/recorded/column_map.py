@@ -62,7 +62,7 @@ class _UnitName(FieldType):
 
 @dataclass(frozen=True)
 class _Sign(FieldType):
-    """1, or -1 for a column that counts the other way."""
+    """1, or -1 for a column of the opposite sign."""
 
     def read(self, value: object, context: ParseContext) -> int:
         if isinstance(value, Whole) and value in (1, -1):
@@ -102,7 +102,7 @@ class SignalColumn(Model):
     Attributes:
         column: its name in the log.
         unit: of its values; None for the one that the log states.
-        sign: -1 for a column that counts the other way.
+        sign: -1 for a column of the opposite sign.
     """
 
     noun = "a column"
@@ -110,7 +110,7 @@ class SignalColumn(Model):
     short: ClassVar = _Column().json()
     column: Annotated[str, _Column()] = Field(title="Name in the log")
     unit: Annotated[str, _UnitName()] | None = Field(None, title="Unit of its values")
-    sign: Annotated[int, _Sign()] = Field(1, title="-1 for a column that counts the other way")
+    sign: Annotated[int, _Sign()] = Field(1, title="-1 for a column of the opposite sign")
 
     @classmethod
     def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
@@ -201,7 +201,7 @@ class ColumnMap(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Stages are found in one way."""
+        """Stages are found by one method."""
         if "stage" in data and "stages" in data:
             message = "'stages' beside 'stage': both say where stages begin"
             context.error("TS026", message, data.node.key_span("stages"), "leave one of them out")

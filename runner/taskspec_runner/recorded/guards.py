@@ -166,7 +166,7 @@ class GuardWalk:
     def _by_way(
         self, stage: CompiledStage, holds: Mask, event: events.Event, rows: slice, t: Vector
     ) -> Iterator[tuple[Mask, events.Event]]:
-        """An end as one event for each way on, as in a run."""
+        """An end as one event for each branch, as in a run."""
         for number, branch in enumerate(stage.plan.spec.next[:-1] if is_good(event) else ()):
             assert branch.when is not None
             taken = holds & self._guard(stage, "'next'", branch.when, rows, t)
@@ -217,7 +217,7 @@ class GuardWalk:
         return Series(values[rows])
 
     def _measured(self, column: str) -> Vector | None:
-        """What a controller would have seen: the measured value where there is one beside."""
+        """What a controller would have measured: the measured value where there is one beside."""
         if column == "touching":
             axes = [self._measured(f"force.{axis}") for axis in TRANSLATIONS]
             forces = [values for values in axes if values is not None]
@@ -226,7 +226,7 @@ class GuardWalk:
                 return (size > TOUCHING).astype(float)
         name = f"{column}.measured" if f"{column}.measured" in self._columns else column
         if name in self._columns and name not in self._filled:
-            # What has no value in whole stages is looked at where it has one.
+            # What has no value in whole stages is examined where it has one.
             values = self._columns[name]
             what = f"{self._what}: {name}"
             sparse = column.endswith("gap")

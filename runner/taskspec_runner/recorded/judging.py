@@ -104,9 +104,9 @@ def _outcome(program: Program, recording: ForeignLog, visits: Sequence[Visit]) -
     if recording.ended == FAIL:
         text = f"the guards of stage '{last}' lead to fail"
         return Outcome(FAILED, "guard", text, last, clock, ticks)
-    ways = spec.ways(following)
-    if END not in (*ways, spec.on_fail):
-        text = f"the log ends, and '{ways[-1]}' would follow"
+    targets = spec.ways(following)
+    if END not in (*targets, spec.on_fail):
+        text = f"the log ends, and '{targets[-1]}' would follow"
         return Outcome(FAILED, "log_ends", text, last, clock, ticks)
     return Outcome(DONE, END, "the log ends", last, clock, ticks)
 

@@ -45,7 +45,7 @@ _SI = {
     "Pose": {"position": "m"},
 }
 #: Numbers that one list may bring as columns; a longer one is a picture or a point cloud.
-_LONGEST = 64
+_LONGEST_LIST = 64
 #: Messages of a topic that are taken apart at a time, and how many bytes of them.
 _MESSAGES, _WAITING = 1 << 14, 1 << 23
 
@@ -119,7 +119,7 @@ class _Walk:
                 continue
             number = self._count() if count is None else count
             for i in range(number):
-                self._one(own, f"{where}[{i}]" if number <= _LONGEST else "")
+                self._one(own, f"{where}[{i}]" if number <= _LONGEST_LIST else "")
 
     def _one(self, kind: str, path: str) -> None:
         if kind in _SIZES:

@@ -40,7 +40,7 @@ class ForeignLog:
     Attributes:
         history: with the columns that there are.
         ended: where the guards of the file led at last: `end`, `fail`; empty if they were not
-            asked, or none of them held.
+            evaluated, or none of them held.
         facts: of the log, its columns and how stages were found, for a manifest.
     """
 
@@ -86,11 +86,11 @@ class _Reading:
         measured = self._as_measured(values)
         ended = ""
         if staged is not None:
-            way, visits = BY_COLUMN, self._by_column(staged, start, ticks)
+            found_by, visits = BY_COLUMN, self._by_column(staged, start, ticks)
         elif self._columns.map.stages is not None:
-            way, visits = BY_TIMES, self._by_times(ticks)
+            found_by, visits = BY_TIMES, self._by_times(ticks)
         else:
-            way = BY_GUARDS
+            found_by = BY_GUARDS
             walk = GuardWalk(self._program, values, ticks, str(self._source.path))
             visits, end, ended = walk.stages()
             # What comes after the end of the task is no part of it.
@@ -104,7 +104,7 @@ class _Reading:
             "map": self._columns.name or None,
             "as_measured": measured,
             "not_recorded": sorted(history.unrecorded),
-            "stages": way,
+            "stages": found_by,
             "start": start,
             "gap": self._gap,
         }
@@ -165,7 +165,7 @@ class _Reading:
 
     def _at(self, signal: Assigned, start: float, ticks: Ticks) -> Vector:
         """(ticks,) values of a signal at the ticks."""
-        held = signal.name in _HELD or _is_condition(signal.name)
+        held = signal.name in _HELD_COLUMNS or _is_condition(signal.name)
         times = signal.times - start
         return ticks.values(times, signal.values, held=held, scaled=signal.si)
 
@@ -284,7 +284,7 @@ class _Reading:
 
 
 #: What stays between two samples: it is counted, or one of a few.
-_HELD = ("limits", "residual")
+_HELD_COLUMNS = ("limits", "residual")
 
 
 def _is_sparse(name: str) -> bool:

@@ -12,7 +12,7 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.record.mapped import GrowingColumns
 
 #: Texts beyond which a column is not that of a name.
-_MOST = 10_000
+_MOST_TEXTS = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class SampleTextsBuilder:
 
     def add(self, texts: Sequence[str]) -> None:
         """Takes the texts of some more samples."""
-        if len(self._codes) > _MOST:
+        if len(self._codes) > _MOST_TEXTS:
             return
         known = self._codes
         codes = np.array([known.setdefault(text, len(known)) for text in texts], dtype=float)
@@ -56,7 +56,9 @@ class SampleTextsBuilder:
         Raises:
             InputError: there are too many different ones.
         """
-        if len(self._codes) > _MOST:
-            raise InputError(f"{what} has more than {_MOST} different texts, so it names no stages")
+        if len(self._codes) > _MOST_TEXTS:
+            raise InputError(
+                f"{what} has more than {_MOST_TEXTS} different texts, so it names no stages"
+            )
         codes = self._columns.build().get("codes", np.zeros(0)).astype(np.int64)
         return SampleTexts(tuple(self._codes), codes)

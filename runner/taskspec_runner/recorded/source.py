@@ -233,7 +233,7 @@ class _Part(io.RawIOBase):
 
 
 class _CsvRows:
-    """The rows of a CSV file, read anew each time that they are asked for."""
+    """The rows of a CSV file, read anew at each use."""
 
     def __init__(self, path: Path, separator: str, columns: int, start: int, end: int) -> None:
         self._path, self._separator = path, separator

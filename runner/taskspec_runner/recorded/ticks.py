@@ -108,8 +108,8 @@ def check_times(times: Vector, place: Mask | object, what: str) -> None:
     late = np.flatnonzero(np.diff(times) <= 0)
     if len(late):
         row = int(late[0]) + 1
-        told = f"{times[row]:.9g} s after {times[row - 1]:.9g} s"
-        raise InputError(f"{what}: time does not rise in {place(row)}: {told}")
+        shown = f"{times[row]:.9g} s after {times[row - 1]:.9g} s"
+        raise InputError(f"{what}: time does not rise in {place(row)}: {shown}")
 
 
 def check_rate(times: Vector, period: float, gap: float, rate: float | None, what: str) -> None:

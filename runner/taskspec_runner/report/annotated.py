@@ -2,49 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from markupsafe import Markup
 
-from taskspec.deferred_methods import dataclass
+from taskspec_runner.pages.document import fold
+from taskspec_runner.pages.html import element, highlighted, joined, prose
 from taskspec_runner.record.folder import Json, mappings
-from taskspec_runner.report.highlight import highlighted
 from taskspec_runner.runs import Run
 
 
-@dataclass(frozen=True, slots=True)
-class Remark:
-    """A remark on a line: `kind` is error, warning, info, passed or missed."""
-
-    kind: str
-    text: str
-    hint: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class AnnotatedLine:
-    """A line of the task file, marked up, and the remarks on it."""
-
-    text: Markup
-    findings: tuple[Remark, ...]
-
-
-def task_lines(run: Run) -> list[AnnotatedLine]:
-    """The task file of a run; empty where there is none."""
+def annotated_task(run: Run) -> Markup:
+    """The task file of a run to unfold, with remarks on its lines; nothing where there is none."""
     if not run.task:
-        return []
-    remarks: dict[int, list[Remark]] = {}
-    for line, finding in (*_placed(run), *_judged(run)):
-        remarks.setdefault(line, []).append(finding)
-    lines = str(highlighted(run.task)).split("\n")
-    return [
-        AnnotatedLine(Markup(text), tuple(remarks.get(i, ()))) for i, text in enumerate(lines, 1)
-    ]
-
-
-def elsewhere(run: Run) -> list[Remark]:
-    """Findings about what the task file itself does not hold, such as an override."""
-    return [_finding(d) for d in _diagnostics(run) if not isinstance(d.get("line"), int)]
+        return Markup("")
+    remarks: dict[object, list[Markup]] = {}
+    for each in _diagnostics(run):
+        # What is about an override stands before the first line.
+        at = each["line"] if isinstance(each.get("line"), int) else None
+        where = f" in {each['source']}" if each.get("source") else ""
+        kind = str(each.get("severity"))
+        text = f"{kind}[{each.get('code')}]{where}: {each.get('message')}"
+        remarks.setdefault(at, []).append(_remark(kind, text, str(each.get("hint") or "")))
+    for judged in run.expectations:
+        if judged.line is not None and judged.missed:
+            text = f"missed: {judged.explanation}"
+            remarks.setdefault(judged.line, []).append(_remark("missed", text))
+    lines = []
+    for i, text in enumerate(highlighted(run.task).split("\n"), 1):
+        number = element("span", i, class_="number")
+        lines.append(element("div", number, element("code", text), class_="line"))
+        lines += remarks.get(i, ())
+    task = element("div", *lines, class_="task", tabindex=0)
+    found = counted(run)
+    content = (*remarks.get(None, ()), task)
+    return element("section", fold("The task file", found, *content, shut=not found))
 
 
 def counted(run: Run) -> str:
@@ -58,21 +48,6 @@ def _diagnostics(run: Run) -> list[Json]:
     return mappings(run.summary.get("diagnostics"))
 
 
-def _placed(run: Run) -> Iterator[tuple[int, Remark]]:
-    for each in _diagnostics(run):
-        if isinstance(each.get("line"), int):
-            yield each["line"], _finding(each)
-
-
-def _finding(each: Json) -> Remark:
-    kind, code = str(each.get("severity")), each.get("code")
-    where = f" in {each['source']}" if each.get("source") else ""
-    return Remark(
-        kind, f"{kind}[{code}]{where}: {each.get('message')}", str(each.get("hint") or "")
-    )
-
-
-def _judged(run: Run) -> Iterator[tuple[int, Remark]]:
-    for each in run.expectations:
-        if each.line is not None and each.missed:
-            yield each.line, Remark("missed", f"missed: {each.explanation}")
+def _remark(kind: str, text: str, hint: str = "") -> Markup:
+    more = joined(element("br"), prose(hint)) if hint else None
+    return element("p", prose(text), more, class_=f"finding {kind}")

@@ -13,8 +13,8 @@ from functools import reduce
 
 import numpy as np
 
+from taskspec_runner.pages.chart import Band, Chart, Section, Trace
 from taskspec_runner.record.history import Vector
-from taskspec_runner.report.chart import Band, Chart, Section, Trace
 from taskspec_runner.runs import RebuildError, Run
 from taskspec_runner.verdict.course import Courses, MeasuredCourse
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
 
@@ -10,22 +10,22 @@ import numpy as np
 
 from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS
 from taskspec.signals import SCALARS
-from taskspec.text.units import FORCE, POWER, VELOCITY
-from taskspec_runner.record.history import Vector
-from taskspec_runner.report.chart import (
+from taskspec.text.units import LENGTH
+from taskspec_runner.pages.chart import (
     Chart,
+    Drawn,
+    Level,
     Section,
     Trace,
     bands,
     levels,
     limit_note,
+    of_signals,
     size,
 )
+from taskspec_runner.pages.numbers import figure, quantity, scale
+from taskspec_runner.record.history import Vector
 from taskspec_runner.report.expected import JUDGED, with_bounds
-from taskspec_runner.report.gaps import gap_charts
-from taskspec_runner.report.joints import joint_positions, joint_torques
-from taskspec_runner.report.mechanisms import coordinate_charts, effort_charts
-from taskspec_runner.report.quantities import plain_scale, quantity, scale
 from taskspec_runner.report.rest_levels import rest_levels
 from taskspec_runner.report.selection import selected
 from taskspec_runner.runs import Run
@@ -34,6 +34,7 @@ from taskspec_runner.verdict.metrics import set_points
 LINEAR, ANGULAR = TRANSLATIONS, ROTATIONS
 #: Colour roles of the axes; a rotation has the colour of its axis.
 _ROLES: dict[str, str] = {axis: axis.letter for axis in AXES}
+_GAP = ".gap"
 
 
 def sections(run: Run) -> tuple[Section, ...]:
@@ -43,22 +44,22 @@ def sections(run: Run) -> tuple[Section, ...]:
         contact.add(_controlled(run, wrench_name(axis), axis))
     for number, name in enumerate(set_points(run.columns)):
         contact.add(_controlled(run, name, f"j{number % 7}"))
-    for chart in effort_charts(run):
-        contact.add(chart)
+    contact.add(_mechanisms(run, "torque", "Moment on the mechanism, about its axis"))
+    contact.add(_mechanisms(run, "force", "Force on the mechanism, along its axis"))
     contact.add(_inconsistent(run))
     contact.add(_wrench(run, "force", LINEAR, "All forces"))
     contact.add(_wrench(run, "torque", ANGULAR, "Moments"))
-    for chart in gap_charts(run):
+    for chart in _gaps(run):
         contact.add(chart)
-    for chart in coordinate_charts(run):
-        motion.add(chart)
+    motion.add(_mechanisms(run, "angle", "Angle", places=True))
+    motion.add(_mechanisms(run, "travel", "Way along the axis", places=True))
     motion.add(_pose(run, LINEAR, "Position"))
     motion.add(_errors(run, LINEAR, "Position error"))
     motion.add(_velocity(run))
     motion.add(_pose(run, ANGULAR, "Orientation"))
     motion.add(_errors(run, ANGULAR, "Orientation error"))
-    arm.add(joint_torques(run))
-    arm.add(joint_positions(run))
+    arm.add(_joint_torques(run))
+    arm.add(_joint_positions(run))
     arm.add(_power(run))
     drawn = (contact, motion, arm)
     shown = with_bounds(run, (*drawn, _judged(run, drawn)))
@@ -94,22 +95,21 @@ def _controlled(run: Run, name: str, on: str) -> Chart | None:
     truth, reference = run.column(name), run.column(f"{name}.ref")
     if truth is None or reference is None:
         return None
-    factor, unit = scale(run.units[name], size([truth, reference]))
-    traces = []
     measured = run.column(f"{name}.measured")
-    if measured is not None and differs(truth, measured, size([truth])):
-        label = "measured"
-        traces.append(Trace(label, measured * factor, "muted", "faint", f"{name}.measured"))
-    traces.append(Trace(name, truth * factor, _ROLES.get(on, on), "line", name))
-    traces.append(Trace("reference", reference * factor, "ink", "reference", f"{name}.ref"))
+    shown = measured is not None and differs(truth, measured, size([truth]))
     what = "Moment" if "torque" in name else "Force"
     where = on if on in _ROLES else f"of {name.partition('.')[0]}"
-    title = f"{what} {where} against its reference"
-    levels_ = tuple(rest_levels(run, [name], factor))
-    return Chart(
-        f"{name}.ref", title, unit, tuple(traces), bands=bands(run, [name], factor),
-        limits=levels_, factor=factor,
-    )  # fmt: skip
+    chart = of_signals(
+        run,
+        f"{name}.ref",
+        f"{what} {where} against its reference",
+        [
+            *([Drawn(f"{name}.measured", "muted", "measured", "faint")] if shown else ()),
+            Drawn(name, _ROLES.get(on, on)),
+            Drawn(f"{name}.ref", "ink", "reference", "reference"),
+        ],
+    )
+    return chart and replace(chart, levels=tuple(rest_levels(run, [name], chart.factor)))
 
 
 def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | None:
@@ -135,11 +135,8 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
     note = limit_note(run, kind, run.units[names[0]], size([total]))
     # The band of an axis with a reference has a chart of its own.
     unbounded = [n for n in names if run.column(f"{n}.ref") is None]
-    limits = (
-        *levels(run, kind, factor, (1, -1)),
-        *rest_levels(run, unbounded, factor),
-    )
     bounds = bands(run, unbounded, factor)
+    limits = (*levels(run, kind, factor, (1, -1)), *rest_levels(run, unbounded, factor))
     return Chart(kind, title, unit, tuple(traces), note, bounds, limits, factor=factor)
 
 
@@ -148,80 +145,145 @@ def _inconsistent(run: Run) -> Chart | None:
     left = run.column("force_inconsistent")
     if left is None or not np.any(left > 0):
         return None
-    factor, unit = scale(FORCE, size([left]))
-    trace = Trace("set points - nearest", left * factor, "ink", "line", "force_inconsistent")
+    line = Drawn("force_inconsistent", "ink", "set points - nearest")
     title, note = "Beyond what contacts return", "set points minus the nearest forces that they can"
-    return Chart("force_inconsistent", title, unit, (trace,), note, always=(0.0,), factor=factor)
+    return of_signals(run, "force_inconsistent", title, [line], note, always=(0.0,))
+
+
+def _gaps(run: Run) -> Iterator[Chart | None]:
+    """Distances from surfaces and equations, and of the joints from equations on them."""
+    names = [n for n in run.columns if n.endswith(_GAP) and run.column(n) is not None]
+    names = names or ["gap"]
+    on_joints = [n for n in names if run.units.get(n) == "rad"]
+    yield _gap(run, "gap", [n for n in names if n not in on_joints])
+    yield _gap(run, "gap of joints", on_joints)
+
+
+def _gap(run: Run, key: str, names: Sequence[str]) -> Chart | None:
+    # Off an equation is off it to either side; below a surface is inside.
+    equations = {name.partition(".")[0] for name in set_points(run.columns)}
+    surfaces = [n for n in names if n.removesuffix(_GAP) not in equations]
+    columns = [run.columns[n] for n in surfaces if run.column(n) is not None]
+    deepest = min((float(np.nanmin(c)) for c in columns), default=0.0)
+    lines = [
+        Drawn(n, f"j{i % 7}", n.removesuffix(_GAP), continuous=True) for i, n in enumerate(names)
+    ]
+    chart = of_signals(
+        run,
+        key,
+        "Gap to the surface" if surfaces else "Distance from the constraints",
+        lines,
+        f"deepest {' '.join(quantity(-deepest, LENGTH))} inside" if deepest < 0 else "",
+        always=(0.0,),
+    )
+    if chart is None:
+        return None
+    near = bands(run, ["gap", *names] if "gap" not in names else names, chart.factor)
+    return replace(chart, bands=near)
+
+
+def _mechanisms(run: Run, signal: str, title: str, *, places: bool = False) -> Chart | None:
+    """A signal of the objects that have a coordinate of their own."""
+    owners = (name.rpartition(".") for name in run.columns)
+    found = dict.fromkeys(o for o, _, last in owners if o and last in ("angle", "travel"))
+    names = [n for o in found if run.column(n := f"{o}.{signal}") is not None]
+    lines = [Drawn(name, f"j{i % 7}", continuous=True) for i, name in enumerate(names)]
+    return of_signals(run, f"mechanism {signal}", title, lines, places=places)
 
 
 def _pose(run: Run, axes: Sequence[str], title: str) -> Chart | None:
-    names = [f"position.{a}" for a in axes if run.column(f"position.{a}") is not None]
-    if not names:
-        return None
-    factor, unit = plain_scale(run.units[names[0]], 1.0)
-    traces = _tracked(run, names, factor)
     note = "counted in the frame of each stage"
-    bounds = bands(run, names, factor)
-    return Chart(title.lower(), title, unit, traces, note, bounds, factor=factor)
+    lines = _tracked(run, [f"position.{axis}" for axis in axes])
+    return of_signals(run, title.lower(), title, lines, note, places=True)
 
 
 def _errors(run: Run, axes: Sequence[str], title: str) -> Chart | None:
-    names = [f"error.{a}" for a in axes if run.column(f"error.{a}") is not None]
-    if not names:
-        return None
-    columns = [run.columns[n] for n in names]
-    factor, unit = scale(run.units[names[0]], size(columns))
-    traces = [
-        Trace(axis := n.removeprefix("error."), c * factor, _ROLES[axis], "line", n)
-        for n, c in zip(names, columns, strict=True)
-    ]
     note = "reference − truth, where an axis follows a motion"
-    bounds = bands(run, names, factor)
-    return Chart(
-        title.lower(), title, unit, tuple(traces), note, bounds, always=(0.0,), factor=factor
-    )
+    lines = [Drawn(f"error.{axis}", _ROLES[axis], axis) for axis in axes]
+    return of_signals(run, title.lower(), title, lines, note, always=(0.0,))
 
 
 def _velocity(run: Run) -> Chart | None:
-    names = [f"velocity.{a}" for a in LINEAR if run.column(f"velocity.{a}") is not None]
-    speed = run.column("speed")
-    columns = [run.columns[n] for n in names] + ([speed] if speed is not None else [])
-    if not columns:
+    lines = _tracked(run, [f"velocity.{axis}" for axis in LINEAR])
+    lines.append(Drawn("speed", "ink", continuous=True))
+    chart = of_signals(run, "velocity", "Tool velocity", lines)
+    if chart is None:
         return None
-    factor, unit = scale(VELOCITY, size(columns))
-    traces = list(_tracked(run, names, factor))
-    if speed is not None:
-        traces.append(Trace("speed", speed * factor, "ink", "line", "speed", True))
-    note = limit_note(run, "speed", "m/s", size(columns))
-    bounds = bands(run, [*names, "speed"], factor)
-    limits = levels(run, "speed", factor, (1,))
-    return Chart(
-        "velocity", "Tool velocity", unit, tuple(traces), note, bounds, limits, factor=factor
+    peak = size([trace.values for trace in chart.traces if trace.style == "line"]) / chart.factor
+    return replace(
+        chart,
+        note=limit_note(run, "speed", "m/s", peak),
+        levels=levels(run, "speed", chart.factor, (1,)),
     )
 
 
 def _power(run: Run) -> Chart | None:
     power = run.column("power")
-    if power is None:
-        return None
-    factor, unit = scale(POWER, size([power]))
-    energy = float(np.nansum(power) * run.period)
+    energy = 0.0 if power is None else float(np.nansum(power) * run.period)
     note = f"into the environment; {' '.join(quantity(energy, 'J'))} in all"
-    traces = (Trace("power", power * factor, "j3", "line", "power", True),)
-    bounds = bands(run, ["power"], factor)
-    return Chart("power", "Power", unit, traces, note, bounds, factor=factor)
+    return of_signals(run, "power", "Power", [Drawn("power", "j3", continuous=True)], note)
 
 
-def _tracked(run: Run, names: Sequence[str], factor: float) -> tuple[Trace, ...]:
+def _tracked(run: Run, names: Sequence[str]) -> list[Drawn]:
     """Signals over wide pale lines of their references."""
-    traces = []
-    for name in names:
-        axis = name.rpartition(".")[2]
-        reference = run.column(f"{name}.ref")
-        if reference is not None:
-            values = reference * factor
-            traces.append(Trace("ref", values, _ROLES[axis], "halo", f"{name}.ref", False, axis))
-    for name in names:
-        axis = name.rpartition(".")[2]
-        traces.append(Trace(axis, run.columns[name] * factor, _ROLES[axis], "line", name))
-    return tuple(traces)
+    named = [(n, n.rpartition(".")[2]) for n in names if run.column(n) is not None]
+    wide = [Drawn(f"{n}.ref", _ROLES[axis], "ref", "halo", reference_of=axis) for n, axis in named]
+    return [*wide, *(Drawn(n, _ROLES[axis], axis) for n, axis in named)]
+
+
+def _joint_torques(run: Run) -> Chart | None:
+    """Torques as shares of their limits, where they have any."""
+    limits = run.summary.get("joint_limits")
+    known = limits if isinstance(limits, list) else []
+    bounds = [(0.0, v) if isinstance(v, int | float) and 0 < v < np.inf else None for v in known]
+    note = "highest: {} at {} % of its limit"
+    return _joints(run, "torque", bounds, "Joint torques, share of their limits", note)
+
+
+def _joint_positions(run: Run) -> Chart | None:
+    """Positions between their limits, or as they are where a joint has none."""
+    ranges = run.summary.get("joint_ranges")
+    found = [_middle(ends) for ends in ranges] if isinstance(ranges, list) else []
+    note = "0 is the middle, ±100 % a limit; {} comes to {} %"
+    bounds = [] if None in found else found
+    return _joints(run, "position", bounds, "Joint positions between their limits", note)
+
+
+def _joints(
+    run: Run, kind: str, bounds: Sequence[tuple[float, float] | None], title: str, note: str
+) -> Chart | None:
+    """A signal of the joints that have bounds, as a share of these; of all if none has any.
+
+    Args:
+        run: that it is of.
+        kind: of the signal.
+        bounds: middle and half width [SI] of each joint.
+        title: where there are bounds.
+        note: takes the joint that comes nearest to its bound, and how near.
+    """
+    names = [n for n in run.columns if n.startswith("joint.") and n.endswith(f".{kind}")]
+    names = [n for n in names if run.column(n) is not None]
+    key, labels = f"joint {kind}s", {n: f"J{n.split('.')[1]}" for n in names}
+    bounded = [(n, b) for n, b in zip(names, bounds, strict=False) if b is not None]
+    if not bounded:
+        lines = [Drawn(n, f"j{i % 7}", labels[n], continuous=True) for i, n in enumerate(names)]
+        return of_signals(run, key, key.capitalize(), lines, places=kind == "position")
+    traces = tuple(
+        Trace(labels[n], (run.columns[n] - middle) * (100 / half), f"j{i % 7}", "line", n, True)
+        for i, (n, (middle, half)) in enumerate(bounded)
+    )
+    worst = max(traces, key=lambda trace: size([trace.values]))
+    said = note.format(worst.label, figure(size([worst.values])))
+    ends = (100.0, -100.0)
+    full = tuple(Level(run.start, run.end, share) for share in ends)
+    return Chart(key, title, "%", traces, said, levels=full, always=ends)
+
+
+def _middle(ends: object) -> tuple[float, float] | None:
+    """Middle and half width of a joint's range; None where it has no end."""
+    if not isinstance(ends, list) or len(ends) != 2:
+        return None
+    low, high = (e if isinstance(e, int | float) else np.nan for e in ends)
+    if not np.isfinite(high - low) or high <= low:
+        return None
+    return (low + high) / 2, (high - low) / 2

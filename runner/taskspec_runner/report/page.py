@@ -11,19 +11,44 @@ from markupsafe import Markup
 
 from taskspec.program.execution.transition import FAIL
 from taskspec_runner.link.link import sentence
+from taskspec_runner.pages.chart import Chart, Section
+from taskspec_runner.pages.document import (
+    DASH,
+    Cells,
+    Heading,
+    bar,
+    button,
+    document,
+    dot,
+    figure,
+    fold,
+    head,
+    mark,
+    named,
+    note,
+    outcome,
+    pairs,
+    patience,
+    right,
+    seconds,
+    section,
+    sign,
+    table,
+)
+from taskspec_runner.pages.html import code, element, expression, joined, prose
+from taskspec_runner.pages.numbers import figure as digits
+from taskspec_runner.pages.samples import density, page_data
+from taskspec_runner.pages.timeline import Timeline, tints
 from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.folder import Json, mapping, mappings, number
 from taskspec_runner.record.names import REPORT
-from taskspec_runner.record.visits import StageVisit
 from taskspec_runner.record.whole import write_whole
-from taskspec_runner.report import annotated, drawn, figures, tables, to_rest
-from taskspec_runner.report.chart import Chart, Section, tints
+from taskspec_runner.report import annotated, figures, tables, to_rest
+from taskspec_runner.report.events import events, fault_spans
 from taskspec_runner.report.overview import overview_svg
-from taskspec_runner.report.quantities import figure
-from taskspec_runner.report.template import part, script, template
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judged import SHARE, Judged, Margin
-from taskspec_runner.verdict.outcome import first_broken, is_measured, so_far, verdict
+from taskspec_runner.verdict.outcome import Verdict, first_broken, is_measured, so_far, verdict
 from taskspec_runner.video.still import still_for_report
 
 #: The chart on which a limit is drawn, by its name.
@@ -56,42 +81,68 @@ def write_report(run: Run) -> Path:
 def render(run: Run, still: tuple[str, float] | None = None) -> str:
     """The page of a run, with a picture of the arm at a run time [s] where there is one."""
     shown = to_rest.going_on(run, figures.sections(run))
-    charts = {chart.key: chart for each in shown for chart in each.charts}
-    main = _main(run, list(charts.values()))
-    told, data = verdict(run), drawn.page_data(run, charts)
-    return template("report.html.j2").render(
-        title=_text(run.summary.get("task") or run.manifest.get("task")) or "run",
-        about=_text(run.summary.get("about")),
-        stopping=to_rest.told(run),
-        recorded=bool(run.manifest.get("recorded")),
-        verdict=told,
-        around=_around(run),
-        facts=list(_facts(run)),
-        expectations=[_expectation(e) for e in sorted(run.expectations, key=_urgency)],
-        partial=told.kind not in ("passed", "done", "missed"),
-        findings=run.findings,
-        truth=list(_truth(run)),
-        faults=fault_times(run.summary),
-        so_far="Judged on what there was until then." if so_far(run) else "",
-        visits=[_visit_row(run, v) for v in run.visits],
-        main=main,
-        sections=_others(shown, main),
-        given_up=tables.given_up(run),
-        responses=list(tables.responses(run)),
-        solver=list(tables.solver(run)),
-        metrics=list(tables.tracking(run)),
-        data=data,
-        drawn=drawn.density(run, data),
-        task=annotated.task_lines(run),
-        elsewhere=annotated.elsewhere(run),
-        annotated=annotated.counted(run),
-        columns=_columns(run),
-        manifest=list(_flat(_facts_of_manifest(run))),
-        picture=Markup(overview_svg(run)),
-        still=still,
-        style=part("report.css"),
-        script=script(),
-    )
+    charts = [chart for each in shown for chart in each.charts]
+    main, said = _main(run, charts), verdict(run)
+    time = Timeline.of(run)
+    faults = [{"start": start, "end": end} for start, end in fault_spans(run)]
+    data = page_data(time, charts, events(run), faults=faults, **to_rest.as_stage(run))
+    title = _text(run.summary.get("task") or run.manifest.get("task")) or "run"
+    kind = "taskspec judge, measured elsewhere" if run.manifest.get("recorded") else "taskspec run"
+    return document(
+        f"{title}: {said.kind}",
+        head(kind, title, _text(run.summary.get("about")), _outcome(run, said, bool(charts))),
+        *_first(run, time, main),
+        _expectations(run, said),
+        _findings(run),
+        section("", pairs(_facts(run), "facts")),
+        _truth(run),
+        _still(still),
+        _stages(run),
+        *(_charts(each, main) for each in shown),
+        _of_tables("Responses", *tables.responses(run), _about_responses(run),
+                   *map(note, tables.solver(run))),
+        _of_tables("Tracking", *tables.tracking(run)),
+        annotated.annotated_task(run),
+        _columns(run),
+        data=data if charts else None,
+        scripts=("samples", "plot", "legend", "time"),
+        facts=pairs(_flat(_facts_of_manifest(run))),
+        remark=density(run, data["samples"]),
+    )  # fmt: skip
+
+
+def _outcome(run: Run, said: Verdict, drawn: bool) -> Markup:
+    """The verdict, with a button that shows where to look for what went wrong."""
+    around = _around(run)
+    look = None
+    if around and drawn:
+        look = button("Look there", "look", data_start=around[0], data_end=around[1])
+    word, first = sign(said.kind) + said.kind, said.first
+    why = [element("p", prose(said.sentence))]
+    if first is not None and first.broken is not None:
+        stage = joined(" in stage ", element("b", said.stage)) if said.stage else None
+        at, text = element("b", seconds(first.broken.clock)), expression(first.text)
+        broken = joined(
+            "At ", at, stage, ", ", text, " was broken: ", prose(first.broken.text), "."
+        )
+        why = [element("p", broken, id="first-broken"), element("p", said.rest, class_="rest")]
+    return outcome(said.kind, word, *why, beside=look, id="verdict")
+
+
+def _first(run: Run, time: Timeline, main: Chart | None) -> tuple[Markup, ...]:
+    """The chart to see first, below the buttons for the window of all."""
+    if main is None:
+        text = "The log holds no complete batch of ticks, so there is nothing to draw."
+        return (element("section", note(text)),)
+    place = section("", figure(main), look="charts main")
+    return bar(time.stages(), "Whole run"), patience(Markup(overview_svg(run))), place
+
+
+def _charts(part: Section, main: Chart | None) -> Markup:
+    """A section without the chart that stands first."""
+    shown = [figure(chart) for chart in part.charts if chart is not main]
+    silent = f"Zero throughout and not drawn: {', '.join(part.silent)}." if part.silent else ""
+    return section(part.title, joined(*shown, note(silent)), look="charts")
 
 
 def _main(run: Run, charts: list[Chart]) -> Chart | None:
@@ -123,11 +174,6 @@ def _bounded(chart: Chart) -> set[str]:
     return {b.text for b in chart.bands} | {t.label for t in chart.traces if t.style == "bound"}
 
 
-def _others(shown: tuple[Section, ...], main: Chart | None) -> list[Section]:
-    """The sections without the chart that stands first."""
-    return [Section(s.title, [c for c in s.charts if c is not main], s.silent) for s in shown]
-
-
 def _around(run: Run) -> tuple[float, float] | None:
     """The window in which to look for what went wrong, None if nothing did."""
     kind, first = verdict(run).kind, first_broken(run)
@@ -150,33 +196,154 @@ def _urgency(each: Judged) -> tuple[bool, float]:
     return each.passed is not False, each.broken.clock if each.broken else never
 
 
-def _expectation(each: Judged) -> Json:
-    return {
-        "name": each.name,
-        "text": each.text,
-        "passed": each.passed,
-        "unrecorded": each.unrecorded,
-        "explanation": each.explanation,
-        "broken": each.broken,
-        "margins": [_margin(margin) for margin in each.margins],
-    }
+def _expectations(run: Run, said: Verdict) -> Markup:
+    """What was expected and found, with meters of what is left of what is allowed."""
+    rows = [
+        Cells(
+            [
+                sign("undecided") if each.unrecorded else mark(bool(each.passed)),
+                named(each.name, each.text),
+                joined(prose(each.explanation), _when(each)),
+                joined(*map(_margin, each.margins)),
+            ],
+            "open" if each.unrecorded else "good" if each.passed else "bad",
+        )
+        for each in sorted(run.expectations, key=_urgency)
+    ]
+    partial = "" if said.kind in ("passed", "done", "missed") else " pale"
+    until = "Judged on what there was until then." if so_far(run) and rows else ""
+    shown = table(
+        ["", "Expected", "Found", Heading("Margin", "margin")],
+        rows,
+        f"judged expectations{partial}",
+    )
+    return section("Expectations", note(until) + shown, look="first")
 
 
-def _margin(margin: Margin) -> Json:
+def _when(each: Judged) -> Markup | None:
+    if each.broken is None:
+        return None
+    return joined(" ", element("span", f"broken at {seconds(each.broken.clock)}", class_="when"))
+
+
+def _margin(margin: Margin) -> Markup:
     """How far inside, with a meter of what is left of what is allowed."""
-    shown = f"{figure(margin.value)} {margin.unit}".rstrip()
-    if margin.name == SHARE:
-        shown += " of ticks"
+    label = element("small", "margin ", class_="label")
+    shown = f"{digits(margin.value)} {margin.unit}".rstrip()
+    shown += " of ticks" if margin.name == SHARE else ""
     if margin.left is None:
-        return {"shown": shown, "left": None, "told": ""}
-    told = f"{figure(100 * margin.left, 2)} % left" if margin.left >= 0 else "outside"
-    return {"shown": shown, "left": round(100 * min(max(margin.left, 0.0), 1.0)), "told": told}
+        return element("div", label, shown)
+    width = round(100 * min(max(margin.left, 0.0), 1.0))
+    meter = element("i", element("i", style=f"width: {width}%"), class_="meter", aria_hidden="true")
+    left = f"{digits(100 * margin.left, 2)} % left" if margin.left >= 0 else "outside"
+    return element("div", label, shown, meter, element("small", left))
 
 
-def _columns(run: Run) -> list[tuple[str, Json]]:
+def _findings(run: Run) -> Markup:
+    """Oscillations and saturation."""
+    rows = [
+        Cells(
+            [
+                mark(each.allowed),
+                each.stage,
+                joined(prose(each.text), " ", element("span", "allowed by the stage", class_="when")
+                       if each.allowed else None),
+            ],
+            "good" if each.allowed else "bad",
+        )
+        for each in run.findings
+    ]  # fmt: skip
+    found = table(["", "Stage", "Found"], rows, "judged pale")
+    return section("Oscillation and saturation", found, look="first")
+
+
+def _still(still: tuple[str, float] | None) -> Markup:
+    """A picture of the arm."""
+    if still is None:
+        return Markup("")
+    legend = {"force": "force axes", "motion": "motion axes", "free": "free axes"}
+    axes = Markup(", ").join(element("b", text, class_=look) for look, text in legend.items())
+    text = joined(
+        element("b", "Arrow", class_="applied"), ": the force that the robot applies. Frame: ",
+        axes, ". Pale: ", element("b", "reference", class_="wanted"), "; dark: way of the tool.",
+    )  # fmt: skip
+    what = f"The arm at {still[1]:.2f} s"
+    picture = element("img", src=still[0], width=1120, height=490,
+                      alt=f"{what}, and its tool from near by")  # fmt: skip
+    caption = element("figcaption", element("p", text, class_="note"))
+    return section(what, element("figure", picture, caption, class_="still"))
+
+
+def _stages(run: Run) -> Markup:
+    """The visits of stages as a line and as a table, and what limits took in them."""
+    if not run.visits:
+        return Markup("")
+    tint, end = tints(run), max(run.visits[-1].end, 1e-9)
+    line, rows = [], []
+    for visit in run.visits:
+        label = run.label(visit)
+        window = f"{label}: {visit.start:.3f} to {seconds(visit.end)}"
+        line.append(
+            button(
+                element("span", label), f"tint{tint[visit.stage]}", tabindex=-1, title=window,
+                data_start=visit.start, data_end=visit.end,
+                style=f"flex-grow: {1e3 * (visit.end - visit.start) / end:.2f}",
+            )
+        )  # fmt: skip
+        why, to = visit.ended_by, _text(visit.ended_by.get("to"))
+        bad = why.get("kind") not in (None, "until", "done", "recorded") or to == FAIL
+        cells = [
+            joined(dot(tint[visit.stage]), label),
+            seconds(visit.start),
+            seconds(visit.end),
+            seconds(visit.end - visit.start),
+            visit.law,
+            visit.frame,
+            prose(_text(why.get("text"))),
+            to,
+        ]
+        rows.append(Cells(cells, "bad" if bad else ""))
+    times = map(right, ("From", "To", "Lasted"))
+    return section(
+        "Stages",
+        element("div", *line, class_="timeline", aria_hidden="true"),
+        table(
+            ["Stage", *times, "Law", "Frame", Heading("Ended by", "why"), "Then"], rows, "stages"
+        ),
+        *(note(f"{text}.") for text in tables.given_up(run)),
+        note(prose(to_rest.told(run))),
+    )
+
+
+def _of_tables(title: str, *pieces: Markup) -> Markup:
+    """A section of several tables and what stands below them."""
+    shown = [piece for piece in pieces if piece]
+    return section(title, joined(*shown))
+
+
+def _about_responses(run: Run) -> Markup:
+    return note(
+        "Rest is the mean of the last tenth of a visit. A force has settled when it stays within "
+        "the expectation on it, else within 2 % of its set point or of the step to it; time counts "
+        "from the beginning of the visit. The time constant is of the decay once the set point "
+        "stays, measured on the hull of the error."
+        if mapping(run.summary.get("responses")) or mapping(run.summary.get("contact"))
+        else ""
+    )
+
+
+def _columns(run: Run) -> Markup:
     """Signals of a log that was recorded elsewhere, and the column that each was taken from."""
     said = mapping(mapping(run.manifest.get("recorded")).get("columns"))
-    return [(str(signal), mapping(column)) for signal, column in said.items()]
+    rows = []
+    for signal, each in said.items():
+        column = mapping(each)
+        unit = _text(column.get("unit")).replace("*", "·") or DASH
+        signs = "−" if column.get("sign") == -1 else "+"
+        rows.append([code(signal), code(_text(column.get("column"))), unit, signs])
+    shown = table(["Signal", "Column", "Unit", right("Sign")], rows)
+    title = "Columns of the log"
+    return section("", fold(title, len(rows), shown, look="more") if rows else Markup(""))
 
 
 def _facts_of_manifest(run: Run) -> Json:
@@ -185,22 +352,6 @@ def _facts_of_manifest(run: Run) -> Json:
     if "columns" not in recorded:
         return run.manifest
     return {**run.manifest, "recorded": {k: v for k, v in recorded.items() if k != "columns"}}
-
-
-def _visit_row(run: Run, visit: StageVisit) -> Json:
-    return {
-        "label": run.label(visit),
-        "tint": tints(run)[visit.stage],
-        "visit": visit,
-        "start": visit.start,
-        "end": visit.end,
-        "duration": visit.end - visit.start,
-        "share": 1e3 * (visit.end - visit.start) / max(run.visits[-1].end, 1e-9),
-        "why": _text(visit.ended_by.get("text")),
-        "to": _text(visit.ended_by.get("to")),
-        "bad": visit.ended_by.get("kind") not in (None, "until", "done", "recorded")
-        or visit.ended_by.get("to") == FAIL,
-    }
 
 
 def _facts(run: Run) -> Iterator[tuple[str, str]]:
@@ -216,7 +367,7 @@ def _facts(run: Run) -> Iterator[tuple[str, str]]:
     yield "Law", law
     yield "World", ", ".join(map(_text, objects)) if isinstance(objects, list) else ""
     yield "Duration", f"{run.end if duration is None else duration:.3f} s"
-    yield "Control rate", f"{figure(1 / period, 4)} Hz" if period else ""
+    yield "Control rate", f"{digits(1 / period, 4)} Hz" if period else ""
     yield "Seed", _text(seed)
     yield "Random world", _text(mapping(run.summary.get("world")).get("number"))
     yield "taskspec", _text(version)
@@ -229,12 +380,19 @@ def _facts(run: Run) -> Iterator[tuple[str, str]]:
     yield "Run in spite of", ", ".join(run.forced)
 
 
-def _truth(run: Run) -> Iterator[tuple[str, str, str]]:
-    """Where the world or the robot was not as the controller was told: what, told, true."""
+def _truth(run: Run) -> Markup:
+    """Where the world or the robot was not as the controller was told, and what failed."""
+    differs = []
     for each in mappings(mapping(run.summary.get("world")).get("differs")):
         written = each.get("written")
         if isinstance(written, list) and len(written) == 2:
-            yield _text(each.get("path")), _text(written[0]), _text(written[1])
+            differs.append([code(_text(each.get("path"))), *map(_text, written)])
+    faults = ([each.text, each.when] for each in fault_times(run.summary))
+    return _of_tables(
+        "What the controller is not told",
+        table(["Of the world and the robot", right("Told"), right("True")], differs, "metrics"),
+        table(["Fault", right("When")], faults, "metrics"),
+    )
 
 
 def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:

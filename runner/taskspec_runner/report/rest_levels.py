@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from taskspec_runner.pages.chart import Level
 from taskspec_runner.record.folder import mapping, number
-from taskspec_runner.report.chart import Level
 from taskspec_runner.runs import Run
 
 ROLE = "predicted"

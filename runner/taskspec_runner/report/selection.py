@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from taskspec_runner.report.chart import Chart, Trace, bands, size
-from taskspec_runner.report.quantities import plain_scale, scale
+from taskspec_runner.pages.chart import Chart, Drawn, of_signals
 from taskspec_runner.runs import Run
 
-#: Colours there are for signals of one chart.
-_COLOURS = 7
 _REFERENCE = ".ref"
 
 
@@ -18,19 +15,16 @@ def selected(run: Run, names: Sequence[str]) -> list[Chart]:
     units: dict[str, list[str]] = {}
     for name in dict.fromkeys(names):
         units.setdefault(run.units.get(name, ""), []).append(name)
-    return [_chart(run, unit, group) for unit, group in units.items()]
+    return [chart for group in units.values() if (chart := _chart(run, group)) is not None]
 
 
-def _chart(run: Run, unit: str, names: Sequence[str]) -> Chart:
-    columns = [run.columns[name] for name in names]
-    places = all(name.startswith("position") for name in names)
-    factor, shown = (plain_scale if places else scale)(unit, size(columns))
+def _chart(run: Run, names: Sequence[str]) -> Chart | None:
     drawn = [name for name in names if not name.endswith(_REFERENCE)]
-    traces = []
-    for number, (name, values) in enumerate(zip(names, columns, strict=True)):
+    lines = []
+    for number, name in enumerate(names):
         # A reference stands beside what it is of; by itself it is a signal like others.
         beside = name.endswith(_REFERENCE) and name.removesuffix(_REFERENCE) in drawn
-        role = "ink" if beside else f"j{number % _COLOURS}"
-        style = "reference" if beside else "line"
-        traces.append(Trace(name, values * factor, role, style, name))
-    return Chart(names[0], "", shown, tuple(traces), bands=bands(run, names, factor), factor=factor)
+        role, style = ("ink", "reference") if beside else (f"j{number % 7}", "line")
+        lines.append(Drawn(name, role, style=style))
+    places = all(name.startswith("position") for name in names)
+    return of_signals(run, names[0], "", lines, places=places)

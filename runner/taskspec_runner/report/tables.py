@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
+from markupsafe import Markup
+
+from taskspec_runner.pages.document import Heading, dot, in_unit, note, right, table
+from taskspec_runner.pages.html import code, joined
+from taskspec_runner.pages.numbers import figure, quantity
+from taskspec_runner.pages.timeline import tints
 from taskspec_runner.record.folder import Json, mapping, number
-from taskspec_runner.report.chart import tints
-from taskspec_runner.report.quantities import figure, quantity
 from taskspec_runner.report.rest_levels import rest_value
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
@@ -28,41 +32,45 @@ _STATISTICS = ("rms_error", "max_error", "final_error", "mean", "min", "max")
 _WORDS = {"rms_error": "RMS error", "max_error": "peak error"}
 
 
-def tracking(run: Run) -> Iterator[Json]:
+def tracking(run: Run) -> Iterator[Markup]:
     """Per stage: statistics as columns, signals as rows, each value in its own scale."""
     for stage, signals in mapping(run.summary.get("metrics")).items():
         rows = {name: mapping(values) for name, values in mapping(signals).items()}
         rows = {name: values for name, values in rows.items() if values}
-        if not rows:
-            continue
         seen = {key for values in rows.values() for key in values}
         columns = [key for key in _STATISTICS if key in seen] + sorted(seen - {*_STATISTICS})
-        yield {
-            "stage": stage,
-            "tint": tints(run).get(stage, 0),
-            "columns": [_WORDS.get(key, key.replace("_", " ")) for key in columns],
-            "rows": [
-                (name, [quantity(number(values.get(key)), _unit(run, name)) for key in columns])
-                for name, values in rows.items()
-            ],
+        cells = {
+            name: [quantity(number(values.get(key)), _unit(run, name)) for key in columns]
+            for name, values in rows.items()
         }
+        words = [_WORDS.get(key, key.replace("_", " ")) for key in columns]
+        yield _of_stage(run, stage, words, cells)
 
 
-def responses(run: Run) -> Iterator[Json]:
+def responses(run: Run) -> Iterator[Markup]:
     """Per stage: the way to each set point, and the contact that was lost on it."""
     found, contact = (mapping(run.summary.get(key)) for key in ("responses", "contact"))
     for stage in dict.fromkeys([*found, *contact]):
-        rows = [
-            (name, _response(run, stage, name, mapping(values)))
+        rows = {
+            name: _response(run, stage, name, mapping(values))
             for name, values in mapping(found.get(stage)).items()
-        ]
-        yield {
-            "stage": stage,
-            "tint": tints(run).get(stage, 0),
-            "columns": _RESPONSES,
-            "rows": rows,
-            "remark": _contact(mapping(contact.get(stage))),
         }
+        yield _of_stage(run, stage, _RESPONSES, rows, " wide")
+        remark = _contact(mapping(contact.get(stage)))
+        yield note(remark if rows or not remark else f"{stage}: {remark}")
+
+
+def _of_stage(
+    run: Run,
+    stage: str,
+    columns: Sequence[str],
+    rows: Mapping[str, Sequence[tuple[str, str]]],
+    look: str = "",
+) -> Markup:
+    """A table with a row for each signal of a stage."""
+    title = Heading(joined(dot(tints(run).get(stage, 0)), stage))
+    cells = ([code(name), *map(in_unit, values)] for name, values in rows.items())
+    return table([title, *map(right, columns)], cells, f"metrics{look}")
 
 
 def _response(run: Run, stage: str, name: str, values: Json) -> list[tuple[str, str]]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from taskspec.text.units import VELOCITY, show
+from taskspec_runner.pages.chart import Chart, Section, Trace
+from taskspec_runner.pages.timeline import Timeline
 from taskspec_runner.record.folder import Json, mapping, number
 from taskspec_runner.record.history import TO_REST, History, Vector
-from taskspec_runner.report.chart import Chart, Section, Trace
 from taskspec_runner.runs import Run
 
 #: What its colour is called.
@@ -60,11 +60,13 @@ def stretch(run: Run) -> tuple[float, float] | None:
     return start, end + run.period
 
 
-def stage_rows(run: Run) -> Iterator[Json]:
-    """The stretch as what a page draws of a stage."""
+def as_stage(run: Run) -> Json:
+    """What a page draws where its charts go on: a stage more, and where they end."""
     found = stretch(run)
-    if found is not None:
-        yield {"name": TO_REST, "start": found[0], "end": found[1], "tint": TINT}
+    if found is None:
+        return {}
+    stage = {"name": TO_REST, "start": found[0], "end": found[1], "tint": TINT}
+    return {"stages": [*Timeline.of(run).stages(), stage], "end": found[1]}
 
 
 def told(run: Run) -> str:

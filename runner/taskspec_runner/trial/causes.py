@@ -26,8 +26,8 @@ from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, key_of
 from taskspec.spec.robot import Robot
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, inside, show
+from taskspec_runner.trial.impact import impact_at
 from taskspec_runner.trial.moment import Moment
-from taskspec_runner.trial.touch import touch_at
 
 Vector = NDArray[np.float64]
 
@@ -49,6 +49,8 @@ COMMANDED = 0.97
 SATURATED = 0.995
 #: Ticks before an end of which a saturation is read off.
 _SATURATED_TICKS = 50
+#: A tool stays where it is that comes by less nearer to a surface, or farther off it [m].
+_STAYS = 1e-4
 #: A tool that nothing touches follows a force loop, not its reference, if it is so much faster.
 RUNS_AWAY = 1.5
 
@@ -76,12 +78,15 @@ def first_cause(moment: Moment, *finders: Callable[[Moment], Cause | None]) -> C
 # --- what a sensor measures that is no contact ---------------------------------------------------
 
 
-def sensor_error(moment: Moment, named: Collection[str] = ()) -> Cause | None:
+def sensor_error(
+    moment: Moment, named: Collection[str] = (), *, reading: bool = True
+) -> Cause | None:
     """What makes the measured force another than the true one: the largest part of it.
 
     Args:
         moment: to look at.
         named: the axes that matter; none for all.
+        reading: whether the reading of this tick is the one that matters, and is named.
     """
     error = float(np.linalg.norm(moment.error))
     true, measured = moment.force(), moment.force(measured=True)
@@ -98,6 +103,8 @@ def sensor_error(moment: Moment, named: Collection[str] = ()) -> Cause | None:
         counts = [True] * len(moment.axes)
     i = int(np.argmax(np.abs(moment.error) * counts))
     axis = moment.axes[i]
+    if not reading:
+        return cause
     reads = (
         f"force.{axis} is measured as {show(float(measured[i]), 'N', 3)} where the tool applies "
         f"{show(float(true[i]), 'N', 3)}"
@@ -194,7 +201,7 @@ def commanded(moment: Moment) -> Cause | None:
 def blow(moment: Moment) -> Cause | None:
     """A touch with a speed: a mass m that meets a contact k with v presses with v sqrt(k m)."""
     row, contact = moment.first_touch, moment.pressed
-    touch = touch_at(moment, row, contact) if row is not None and contact else None
+    touch = impact_at(moment, row, contact) if row is not None and contact else None
     if touch is None:
         return None
     passed = moment.value("clock") - moment.value("clock", touch.row)
@@ -334,7 +341,7 @@ def runaway(moment: Moment) -> Cause | None:
         fastest = max(abs(moment.value(f"velocity.{a}")) for a in moment.stage.translations)
         if not plan.set_point or not wanted or axis.is_rotation or rate < fastest / RUNS_AWAY:
             continue
-        if touching and abs(moment.stage.facing(axis)) > MOSTLY:
+        if touching and abs(moment.stage.contacts.facing(axis)) > MOSTLY:
             continue
         returns = "friction returns less than" if touching else "nothing returns"
         return Cause(
@@ -438,14 +445,20 @@ def fast_joint(moment: Moment, joint: int) -> Cause | None:
 
 def left_apart(moment: Moment) -> Cause | None:
     """A stage that waits for a contact and has not come to one."""
-    contact = moment.stage.approached or moment.stage.contact
+    contact = moment.stage.contacts.approached or moment.stage.contacts.main
     if contact is None or moment.value("touching") > 0 or not moment.has(f"{contact}.gap"):
         return None
     gap = moment.value(f"{contact}.gap")
     if not gap > 0:
         return None
     begun = moment.value(f"{contact}.gap", moment.visit.first)
-    if gap >= begun:
+    if abs(gap - begun) < _STAYS:
+        return Cause(
+            f"it stays {show(gap, 'mm', 3)} off {contact!r}",
+            "move towards it: a velocity until a force is measured",
+            motion_of(moment.stage),
+        )
+    if gap > begun:
         return Cause(
             f"it moves away from {contact!r}, which is {show(gap, 'mm', 3)} off",
             "turn the motion round: coordinates and forces are along the frame's axes",

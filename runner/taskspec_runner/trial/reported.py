@@ -226,11 +226,12 @@ def _of_joint(moment: Moment, name: str, text: str) -> Cause | None:
 def _of_guard(moment: Moment, guard: Node) -> Cause | None:
     """Why a guard held, where it is about forces that are not those of a contact."""
     named = _axes_of(guard)
-    after = min(moment.row + 1, len(moment.trial.history) - 1)
-    then = Moment(moment.trial, moment.visit, after)
+    # The tick in which it held is the first of the next stage; of the last stage it is not logged.
+    logged = moment.row + 1 < len(moment.trial.history)
+    then = Moment(moment.trial, moment.visit, moment.row + logged)
     if not _feels(guard):
         return None
-    return causes.sensor_error(then, named) or causes.sensor_error(moment, named)
+    return causes.sensor_error(then, named, reading=logged) or causes.sensor_error(moment, named)
 
 
 def _of_bound(moment: Moment, name: str) -> tuple[str, Place, Cause | None]:

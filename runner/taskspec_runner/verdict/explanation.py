@@ -50,7 +50,7 @@ class Explainer:
         return " ".join(self._expression.text[node.start : node.end].split())
 
     def unknown(self, node: tree.Node, truth: Series) -> Explanation:
-        """Why it cannot be told whether a condition holds."""
+        """Why it is undecided whether a condition holds."""
         if truth.gaps:
             more = len(truth.gaps) - _GAPS_SHOWN
             rest = f"; and {more} more" if more > 0 else ""
@@ -68,7 +68,7 @@ class Explainer:
         )
 
     def unknown_since(self, truth: Series, said: Explanation) -> tuple[Broken, ...]:
-        """When it could first not be told whether a condition holds, if at some tick at all."""
+        """When it was first undecided whether a condition holds, if at some tick at all."""
         if truth.window is None:
             return ()
         rows = np.flatnonzero(truth.window & np.isnan(truth.values))

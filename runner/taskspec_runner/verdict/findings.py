@@ -65,7 +65,7 @@ def findings(program: Program, history: History, true: Task) -> tuple[RunFinding
 
 @dataclass(frozen=True, slots=True)
 class _Watched:
-    """A signal that is looked at.
+    """A signal that is analysed.
 
     Attributes:
         name: of its column.
@@ -81,7 +81,7 @@ class _Watched:
 
 
 class _VisitColumns(Mapping[str, Vector]):
-    """The columns of a visit; of a world of a sweep, each is made when it is asked for."""
+    """The columns of a visit; of a world of a sweep, each is made at its first use."""
 
     def __init__(self, columns: Mapping[str, Vector], rows: slice) -> None:
         self._columns, self._rows = columns, rows
@@ -209,7 +209,7 @@ class _Look:
                 yield _Watched(f"joint.{i + 1}.torque", MOMENT, OF_TORQUE * float(most), 2)
 
     def _largest(self, names: Sequence[str]) -> float:
-        """The greatest size of these signals' references in the half that is looked at [SI]."""
+        """The greatest size of these signals' references in the half that is analysed [SI]."""
         half = judged(len(self._clock))
         columns = [self._columns[f"{n}.ref"][-half:] for n in names if f"{n}.ref" in self._columns]
         return max((float(np.nanmax(np.abs(c), initial=0.0)) for c in columns), default=0.0)
@@ -252,10 +252,10 @@ class _Look:
 
 def _oscillates(watched: _Watched, made: Oscillation, beside: Sequence[str]) -> str:
     size, bound = (show(x, watched.dimension, 3) for x in (made.amplitude, watched.least))
-    way = "grows" if made.growth > 1 / 0.9 else "does not decay"
+    trend = "grows" if made.growth > 1 / 0.9 else "does not decay"
     return (
         f"{watched.name} oscillates at {made.frequency:.3g} Hz with an amplitude of {size}, which "
-        f"{way} ({bound} would pass){_so_do(beside, 'does', 'do')}"
+        f"{trend} ({bound} would pass){_so_do(beside, 'does', 'do')}"
     )
 
 

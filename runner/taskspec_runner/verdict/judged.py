@@ -48,7 +48,7 @@ class Broken:
     Attributes:
         clock: run time of the first tick that did it [s].
         text: in numbers.
-        final: whether no tick more could have mended it, as a share of ticks may be.
+        final: whether no tick more could have changed it, as a share of ticks may be.
     """
 
     clock: float
@@ -128,7 +128,7 @@ def read_judged(entry: Json, *, whole: bool = True) -> Judged:
 
     Args:
         entry: of the summary.
-        whole: whether the run came to its end; else only what no further tick could have mended
+        whole: whether the run came to its end; else only what no further tick could have changed
             counts as broken.
     """
     broken = _broken(mapping(entry.get("broken")))

@@ -1,4 +1,4 @@
-"""What limits took from each stage: how often each of them was in the way, and what it cost."""
+"""What limits took from each stage: how often each of them was active, and what it cost."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.record.history import History
 
 #: Limits that are named in a line.
-_FEW = 3
+_MOST_NAMED_LIMITS = 3
 #: Share of a stage that is no more than a moment.
 _MOMENT = 0.05
-#: Columns that tell it.
-_NEEDED = ("limits", "limited", "force_inconsistent", "residual")
+#: Columns that it is computed from.
+_LIMIT_COLUMNS = ("limits", "limited", "force_inconsistent", "residual")
 _JOINT = re.compile(r"position and velocity of joint (\d+)\Z")
 
 
@@ -34,7 +34,7 @@ def limit_effects(history: History, stages: Sequence[CompiledStage]) -> dict[str
         window = history.window(stage.name)
         if stage.resolution is None or not window.any():
             continue
-        if not history.unrecorded.isdisjoint(_NEEDED):
+        if not history.unrecorded.isdisjoint(_LIMIT_COLUMNS):
             # A log that was recorded elsewhere seldom says what the solver did.
             continue
         codes = history.columns["limits"][window].astype(np.int64)
@@ -64,8 +64,14 @@ def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
             )
         if found["limited"]:
             most = list(found["limits"].items())
-            named = ", ".join(f"{name} {percent(share)}" for name, share in most[:_FEW])
-            more = f" and {len(most) - _FEW} more" if len(most) > _FEW else ""
+            named = ", ".join(
+                f"{name} {percent(share)}" for name, share in most[:_MOST_NAMED_LIMITS]
+            )
+            more = (
+                f" and {len(most) - _MOST_NAMED_LIMITS} more"
+                if len(most) > _MOST_NAMED_LIMITS
+                else ""
+            )
             yield f"{stage}: limits changed {percent(found['limited'])} of the ticks: {named}{more}"
 
 

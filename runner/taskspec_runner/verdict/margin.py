@@ -57,7 +57,7 @@ def reached(
 
     A largest or smallest value leaves them at a tick. A root mean square leaves an upper bound at
     the tick at which the sum of squares exceeds all that its ticks may have. Of other numbers
-    only the last tick can tell.
+    only the last tick decides.
 
     Args:
         node: the measured part.

@@ -1,13 +1,13 @@
 """Whether a signal oscillates without an end: a narrow band of its spectrum that does not decay.
 
-What is looked at is the last half of a visit of a stage, n ticks, less its straight line. Under a
+What is analysed is the last half of a visit of a stage, n ticks, less its straight line. Under a
 Hann window w the spectrum X has, by Parseval, in a band of bins the variance
 
     sum of |X|^2 over the band and its mirror image / (n sum of w^2),
 
 and a sine of amplitude A, whose main lobe is two bins to either side, has there A^2/2.
 
-A half that is longer than MOST_TICKS is looked at twice: its last MOST_TICKS, for what is fast, and
+A half that is longer than MOST_TICKS is analysed twice: its last MOST_TICKS, for what is fast, and
 the whole of it in means of k ticks each, for what is slow. White noise of deviation s has s/sqrt(k)
 in n/k means, and so the same amplitude in a band as in all n ticks.
 """
@@ -34,7 +34,7 @@ LEAST_FORCE, LEAST_MOMENT, LEAST_SPEED = 1.0, 0.3, 5e-3
 OF_TORQUE = 0.02
 #: An amplitude of force is not of noise from so many times what noise has in a band of its own.
 OF_NOISE = 10.0
-#: Ticks of a half visit below which nothing can be told.
+#: Ticks of a half visit below which nothing can be decided.
 LEAST_TICKS = 64
 #: Ticks, or means of ticks, that a spectrum is made of at most.
 MOST_TICKS = 1 << 17
@@ -77,7 +77,7 @@ def amid_noise(sensor: Sensor, period: float, ticks: int) -> tuple[float, float]
     Args:
         sensor: the true one.
         period: of control [s].
-        ticks: that are looked at.
+        ticks: that are analysed.
     """
     noise, n = sensor.noise, min(ticks, MOST_TICKS)
     if noise is None or n == 0:
@@ -124,7 +124,7 @@ class References:
 
     @cached_property
     def means(self) -> list[Vector]:
-        """The same of the means of ticks of a half visit that is looked at twice."""
+        """The same of the means of ticks of a half visit that is analysed twice."""
         half = judged(len(self._values[0])) if self._values else 0
         k = -(-half // MOST_TICKS)
         return _amplitudes(_means(each[-half:], k) for each in self._values)
@@ -143,7 +143,7 @@ def _amplitudes(references: Iterable[Vector]) -> list[Vector]:
 
 
 def judged(ticks: int) -> int:
-    """How many ticks of a visit are looked at; 0 of one that is too short to tell."""
+    """How many ticks of a visit are analysed; 0 of one that is too short."""
     half = ticks // 2
     return half if half >= LEAST_TICKS else 0
 
@@ -202,7 +202,7 @@ def _means(values: Vector, k: int) -> Vector:
 def _of_half(
     x: Vector, period: float, least: float, intended: Callable[[], list[Vector]], *, noisy: bool
 ) -> Oscillation | None:
-    """The largest oscillation of ticks, or means of ticks, that are looked at as a whole.
+    """The largest oscillation of ticks, or means of ticks, that are analysed as a whole.
 
     `intended` works out the amplitudes of references in the same bins.
     """

@@ -37,7 +37,7 @@ _NORMS: tuple[tuple[str, str, tuple[str, ...], str, Dimension], ...] = (
 def protected(program: Program, history: History, period: float) -> dict[str, Any]:
     """The entry of a summary, `protection`; empty for a robot without one.
 
-    A list of what its log tells, each with what it `is`, the `bound`, the `most` there was [SI],
+    A list of what its log has, each with what it `is`, the `bound`, the `most` there was [SI],
     `text` of both, the `share` of the bound, and when [s]. Torque rates are differences of the
     commanded torques over a control period, those of changes of stage among them.
 

@@ -11,7 +11,7 @@ from taskspec.text.units import in_unit, show
 
 DIGITS = 4
 #: Numbers from here on have too many digits before the point.
-_LONG = 10_000
+_LARGEST_NUMBER = 10_000
 
 
 def readable_unit(unit: str, usual: Sequence[str], bounds: Sequence[Series]) -> str:
@@ -23,12 +23,12 @@ def readable_unit(unit: str, usual: Sequence[str], bounds: Sequence[Series]) -> 
         bounds: themselves.
     """
     size = max((float(np.nanmax(np.abs(b.values), initial=0.0)) for b in bounds), default=0.0)
-    fits = (u for u in usual if 1 <= abs(in_unit(size, u)) < _LONG)
-    return unit if abs(in_unit(size, unit)) < _LONG else next(fits, unit)
+    fits = (u for u in usual if 1 <= abs(in_unit(size, u)) < _LARGEST_NUMBER)
+    return unit if abs(in_unit(size, unit)) < _LARGEST_NUMBER else next(fits, unit)
 
 
 def digits_of(value: float, bounds: Sequence[float], unit: str) -> int:
-    """How many digits tell a value from bounds that it is not equal to."""
+    """How many digits separate a value from bounds that it is not equal to."""
     for digits in (DIGITS, 6, 9):
         own = show(value, unit, digits)
         if not any(b != value and show(b, unit, digits) == own for b in bounds):

@@ -114,7 +114,7 @@ class Replay:
         return self._by_blocks(function.numel_out(0), part)
 
     def _values(self, frame: FrameModel, rows: slice) -> dict[str, Vector]:
-        """What the formulas of framed signals are told at some ticks, in world axes."""
+        """The arguments of framed signals' formulas at some ticks, in world axes."""
         p, R = self._tip_rows(rows)
         axes = self._placed_rows(frame, rows)[1]
         return {**self._logged(rows), "tip": p, "tip_rotation": R, "frame": axes}
@@ -193,7 +193,7 @@ class Replay:
         return self._by_blocks(3, part)
 
     def _along(self, frame: FrameModel) -> Vector:
-        """(n, 3) the way along the axes of a frame that moves, each visit from where it began."""
+        """(n, 3) the distance along the axes of a frame that moves, from each visit's start."""
         moved, so_far = RowFunction(_moved()), np.zeros((1, 3))
 
         def part(rows: slice) -> Vector:
@@ -332,7 +332,7 @@ class Replay:
         return function(*arguments, *((faces.at(rows),) if faces.size else ()))
 
     def _faces(self, frame: FrameModel) -> _Faces:
-        """What a frame needs besides the tool: its part of a surface, or a measured pose."""
+        """What a frame needs in addition to the tool: its part of a surface, or a measured pose."""
         if frame.kind == "estimated":
             return self._measured_poses(frame)
         if frame.tracking is not None:
@@ -382,20 +382,20 @@ class Replay:
             if plan.frame.tracking is None:
                 continue
             rows, of = slice(visit.first, visit.last + 1), plan.frame.tracking.of
-            felt = np.zeros((visit.last + 1 - visit.first, 9))
+            measured = np.zeros((visit.last + 1 - visit.first, 9))
             for i, axis in enumerate(AXES[:3]):
                 if axis in plan.axes:
-                    felt[:, i] = opposite(columns[f"force.{axis}.measured"][rows])
+                    measured[:, i] = opposite(columns[f"force.{axis}.measured"][rows])
             for i, axis in enumerate(AXES):
                 if axis in plan.axes:
-                    felt[:, 3 + i] = columns[f"velocity.{axis}"][rows]
+                    measured[:, 3 + i] = columns[f"velocity.{axis}"][rows]
             R = _matrices(self._tip_rows(rows)[1])
             first = tracked_frames.begun(plan.frame, ca.SX(ca.DM(R[0])))
             begun = np.array(ca.evalf(first)).ravel()
             if last is not None and last[0] == of and last[2] + 1 == visit.first:
                 begun = last[1]
-            after = _tracking(self._robot, plan.frame, self._period).mapaccum(len(felt))
-            states = np.array(after(begun, felt.T, R.reshape(len(R), 9).T))
+            after = _tracking(self._robot, plan.frame, self._period).mapaccum(len(measured))
+            states = np.array(after(begun, measured.T, R.reshape(len(R), 9).T))
             # What a tick puts out is of before it.
             states = np.column_stack([begun, states[:, :-1]])
             last = of, states[:, -1], visit.last
@@ -421,7 +421,7 @@ class Replay:
 
 
 class _Faces:
-    """Numbers that a frame needs besides the tool, each from some tick to the next one's.
+    """Numbers that a frame needs in addition to the tool, each from some tick to the next one's.
 
     Attributes:
         size: how many numbers.
@@ -490,15 +490,15 @@ def _tracking(robot: RobotModel, frame: FrameModel, period: float) -> ca.Functio
     (9,) before a tick, the force by the environment (3,) and the tip's twist (6,) in the frame's
     axes, the tip's axes (9,) by rows -> (9,) after it.
     """
-    state, felt = ca.SX.sym("state", tracked_frames.SIZE), ca.SX.sym("felt", 9)
+    state, measured = ca.SX.sym("state", tracked_frames.SIZE), ca.SX.sym("measured", 9)
     tip, tool = ca.SX.sym("tip", 9), robot.tool
     R, _ = tracked_frames.axes(frame, state[3:6])
     local = np.zeros(3) if tool.flat else tool.centers[0]
     lever = ca.reshape(tip, 3, 3).T @ ca.DM(local)
-    velocity = R @ felt[3:6] + ca.cross(R @ felt[6:], lever)
-    now = tracked_frames.felt(frame, R @ felt[:3], velocity)
+    velocity = R @ measured[3:6] + ca.cross(R @ measured[6:], lever)
+    now = tracked_frames.tracked(frame, R @ measured[:3], velocity)
     return ca.Function(
-        "tracking", [state, felt, tip], [tracked_frames.step(frame, state, now, period)]
+        "tracking", [state, measured, tip], [tracked_frames.step(frame, state, now, period)]
     )
 
 
@@ -537,7 +537,7 @@ def _in_frame(name: str) -> tuple[ca.Function, tuple[str, ...]]:
 
 @cache
 def _moved() -> ca.Function:
-    """Axes (9,), where something is and where it was (3,) -> its way along the axes (3,)."""
+    """Axes (9,), a place and the one before (3,) -> the displacement along the axes (3,)."""
     symbol, R = _matrix("R")
     here, before = ca.SX.sym("here", 3), ca.SX.sym("before", 3)
     return ca.Function("moved", [symbol, here, before], [R.T @ (here - before)])

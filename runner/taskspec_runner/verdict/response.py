@@ -23,17 +23,17 @@ _STAYS = 0.1
 #: A change by less than this share of what it starts from or leads to is no step: what goes beyond
 #: is no overshoot of it, but the blow of a touch or the start of a motion.
 _STEP = 0.2
-#: Steps to set points that are nearly nothing tell nothing [N, N m].
-_LEAST = 0.05
-#: Two values of a set point that differ by less, seen against its size, are the same.
-_SAME = 1e-6
-#: A decay is looked at down to this share of where it began, and down to so many times what is
+#: Smaller steps of a set point are not measured [N, N m].
+_SMALLEST_STEP = 0.05
+#: Two values of a set point that differ by less, relative to its size, are the same.
+_SET_POINT_TOLERANCE = 1e-6
+#: A decay is measured down to this share of where it began, and down to so many times what is
 #: left of the error in the last fifth of a visit.
-_DECAYED, _ABOVE_REST = 0.02, 2.0
+_DECAY_END, _ABOVE_REST = 0.02, 2.0
 #: Ticks that a decay must last, and the factor by which it must fall, to be one.
 _LEAST_TICKS, _LEAST_FALL = 10, np.e
 #: Ticks of a longer decay that its line is fitted to, evenly spread.
-_FITTED = 1 << 17
+_MOST_FITTED_TICKS = 1 << 17
 
 Responses = dict[str, dict[str, dict[str, float | str | None]]]
 #: Lowest and highest value that an expectation allows, by stage and signal.
@@ -42,7 +42,7 @@ Allowed = Mapping[tuple[str, str], tuple[float | None, float | None]]
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """The way to a set point.
+    """The response to a set point.
 
     Attributes:
         set_point: value that the reference ends at [SI].
@@ -93,7 +93,7 @@ def response(
     start = float(values[np.flatnonzero(known)[0]])
     step = target - start
     size = max(abs(step), abs(target))
-    if size < _LEAST:
+    if size < _SMALLEST_STEP:
         return None
     low, high = allowed
     tolerance = (SETTLED * size, SETTLED * size)
@@ -118,7 +118,9 @@ def response(
 def stays(reference: Vector) -> int:
     """The first tick from which a reference does not change any more."""
     last = reference[-1]
-    changed = np.flatnonzero(~(np.abs(reference - last) <= _SAME * max(abs(last), _SAME)))
+    changed = np.flatnonzero(
+        ~(np.abs(reference - last) <= _SET_POINT_TOLERANCE * max(abs(last), _SET_POINT_TOLERANCE))
+    )
     return int(changed[-1]) + 1 if len(changed) and np.isfinite(last) else 0
 
 
@@ -142,11 +144,11 @@ def time_constant(error: Vector, period: float) -> float | None:
     if not len(hull) or not np.isfinite(hull).all() or hull[0] == 0.0:
         return None
     rest = float(hull[len(hull) - max(len(hull) // 5, 1)])
-    floor = max(_DECAYED * float(hull[0]), _ABOVE_REST * rest)
+    floor = max(_DECAY_END * float(hull[0]), _ABOVE_REST * rest)
     rows = int(np.argmax(hull <= floor)) if (hull <= floor).any() else 0
     if rows < _LEAST_TICKS or floor * _LEAST_FALL > hull[0]:
         return None
-    at = np.arange(0, rows, -(-rows // _FITTED))
+    at = np.arange(0, rows, -(-rows // _MOST_FITTED_TICKS))
     slope = np.polyfit(at * period, np.log(hull[at]), 1)[0]
     return float(-1.0 / slope) if slope < 0 else None
 

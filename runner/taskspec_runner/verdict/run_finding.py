@@ -19,7 +19,7 @@ class RunFinding:
         visit: of that stage, from 1.
         signal: that shows it most.
         beside: the others that show it.
-        start, end: run time of the ticks that were looked at [s].
+        start, end: run time of the ticks that were analysed [s].
         text: in one line, with the numbers.
         allowed: whether the stage says so.
         frequency: of an oscillation [Hz].

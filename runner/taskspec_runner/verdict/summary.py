@@ -117,7 +117,7 @@ def summarise(
         "world": world.as_data()
         | {
             "differs": [
-                {"path": d.name, "told": d.told, "true": d.true, "written": list(d.written)}
+                {"path": d.name, "nominal": d.nominal, "true": d.true, "written": list(d.written)}
                 for d in deviations(context, world)
             ]
         }
@@ -196,8 +196,8 @@ def transition_text(end: Transition, stage: CompiledStage, robot: RobotModel) ->
         bound, *others = end.text.removeprefix("within ").split(_ATTEMPTS)
         until = stage.plan.spec.until
         missing = "reaching the end of its moves" if until is None else f"`{until.text}`"
-        way = bound.removesuffix(_OF_TRAVEL)
-        began = f"travelled {way}" if way != bound else f"{bound} passed"
+        distance = bound.removesuffix(_OF_TRAVEL)
+        began = f"travelled {distance}" if distance != bound else f"{bound} passed"
         return _ATTEMPTS.join([f"{began} without {missing}", *others])
     if end.to == FAIL and end.kind == events.UNTIL:
         return f"`{end.text}` held, which leads to fail"

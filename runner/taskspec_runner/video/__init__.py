@@ -1,1 +1,1 @@
-"""What a run looked like: videos, stills and a viewer, drawn from the folder that it left."""
+"""Pictures of a run: videos, stills and a viewer, drawn from the folder that it left."""

@@ -1,4 +1,4 @@
-"""Where a run is looked at from: all of it in the picture, the tool in sight."""
+"""The cameras of a run: all of it in the picture, the tool in sight."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ Vector = NDArray[np.float64]
 #: Candidates, in degrees, and the one that is taken where all see alike.
 _AZIMUTHS = range(0, 360, 15)
 _ELEVATIONS = (-14.0, -24.0, -36.0)
-_FAVOURITE = 125.0
-_LOOKS = 12
+_USUAL_AZIMUTH = 125.0
+_FITTED_ROWS = 12
 #: Nearer to the tip than this [m], what hides it is what it touches.
-_TOUCHED = 0.035
-_FAR = 2.5
+_TIP_RADIUS = 0.035
+_VIEW_DISTANCE = 2.5
 #: Share of a picture that what is shown fills.
 _FILL = 0.92
 #: Links are about so thick [m].
-_GIRTH = 0.07 * np.vstack([np.eye(3), -np.eye(3)])
-#: Of the close view: what it shows around the tool's way [m], how far away it may be [m], and over
-#: how long its way is smoothed [s].
-_AROUND, _FARTHEST, _SMOOTH = 0.07, 0.5, 1.0
-#: At how many rows it is looked whether the tool is seen, how far up the tool, and the share of
-#: looks that is enough.
-_NEAR_LOOKS, _UP, _ENOUGH = 5, 0.4, 0.85
+_LINK_OFFSETS = 0.07 * np.vstack([np.eye(3), -np.eye(3)])
+#: Of the close view: what it shows around the tool's path [m], how far away it may be [m], and over
+#: how long its path is smoothed [s].
+_CLOSE_MARGIN, _LARGEST_CLOSE_DISTANCE, _SMOOTHING_TIME = 0.07, 0.5, 1.0
+#: At how many rows the visibility of the tool is checked, how far up the tool, and the share of
+#: visible rows that is enough.
+_CHECKED_ROWS, _TOOL_HEIGHT, _VISIBLE_SHARE = 5, 0.4, 0.85
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A camera: azimuth and elevation [deg], distance [m] from the point (3,) it looks at."""
+    """A camera: azimuth and elevation [deg], distance [m] from its target (3,)."""
 
     azimuth: float
     elevation: float
@@ -60,7 +60,7 @@ def axes_of(azimuth: float, elevation: float) -> Vector:
 
 
 def frame_run(world: RecordedWorld, aspect: float) -> View:
-    """A view of a whole run: of the tool's way, the arm and its base.
+    """A view of a whole run: of the tool's path, the arm and its base.
 
     Args:
         world: with the run.
@@ -97,71 +97,73 @@ def seen_from(view: View, azimuth: float, elevation: float, distance: float) -> 
 
 @dataclass(frozen=True, slots=True)
 class CloseView:
-    """A camera near the tool, that goes along where its way is long.
+    """A camera near the tool, that goes along where its path is long.
 
     Attributes:
         view: of the first row.
-        way: (n, 3) what it looks at at each row [m].
+        path: (n, 3) the point that it is aimed at in each row [m].
     """
 
     view: View
-    way: Vector
+    path: Vector
 
     def at(self, row: int) -> View:
         """The camera at a row."""
-        x, y, z = self.way[row].tolist()
+        x, y, z = self.path[row].tolist()
         return replace(self.view, lookat=(x, y, z))
 
 
 def close_view(world: RecordedWorld, view: View, aspect: float) -> CloseView:
-    """A view of the control point, from where `view` looks if nothing hides the tool there.
+    """A view of the control point, from the side of `view` if nothing hides the tool there.
 
-    Else it is from where most of the tool is seen over the run. It stands still over a
-    way that fits in, otherwise it follows the mean over `_SMOOTH` seconds.
+    Else it is from where most of the tool is visible over the run. It stands still over a
+    path that fits in, otherwise it follows the mean over `_SMOOTHING_TIME` seconds.
     """
     recording = world.recording
     point = recording.point
-    room = np.vstack([point - _AROUND, point + _AROUND])
+    room = np.vstack([point - _CLOSE_MARGIN, point + _CLOSE_MARGIN])
     fitted = _open_to(world, room, view, aspect)
-    if fitted.distance <= _FARTHEST:
+    if fitted.distance <= _LARGEST_CLOSE_DISTANCE:
         return CloseView(fitted, np.broadcast_to(np.array(fitted.lookat), point.shape))
-    width = 2 * (round(_SMOOTH / recording.period) // 2) + 1
+    width = 2 * (round(_SMOOTHING_TIME / recording.period) // 2) + 1
     padded = np.pad(point, ((width // 2, width // 2), (0, 0)), mode="edge")
     sums = np.cumsum(np.vstack([np.zeros((1, 3)), padded]), axis=0)
-    return CloseView(replace(fitted, distance=_FARTHEST), (sums[width:] - sums[:-width]) / width)
+    return CloseView(
+        replace(fitted, distance=_LARGEST_CLOSE_DISTANCE), (sums[width:] - sums[:-width]) / width
+    )
 
 
 def _open_to(world: RecordedWorld, room: Vector, view: View, aspect: float) -> View:
     """The view of some points (k, 3) from nearest to that of `view` that sees the tool."""
     recording, model = world.recording, world.model
     tip_body = model.body(recording.program.context.robot.tip_body).id
-    rows = np.unique(np.linspace(0, len(recording) - 1, _NEAR_LOOKS).astype(int))
+    rows = np.unique(np.linspace(0, len(recording) - 1, _CHECKED_ROWS).astype(int))
 
     def fitted(angles: tuple[float, float]) -> View:
         return fit(model, room, angles, aspect)
 
-    def seen(angles: tuple[float, float]) -> float:
-        back = min(fitted(angles).distance, _FARTHEST) * axes_of(*angles)[2]
+    def visible_share(angles: tuple[float, float]) -> float:
+        back = min(fitted(angles).distance, _LARGEST_CLOSE_DISTANCE) * axes_of(*angles)[2]
         sights = []
         for row in rows:
             data = world.show(int(row))
             tip, flange = data.xpos[tip_body], data.xpos[model.body_parentid[tip_body]]
-            for point in (recording.point[row], tip + _UP * (flange - tip)):
+            for point in (recording.point[row], tip + _TOOL_HEIGHT * (flange - tip)):
                 eye = recording.point[row] + back
-                # Both ways: from inside of a link's mesh its faces are not met.
+                # In both directions: from inside of a link's mesh its faces are not met.
                 sights.append(
                     _unhidden(model, data, eye, point, tip_body)
-                    and _unhidden(model, data, point, eye, tip_body, near=_TOUCHED)
+                    and _unhidden(model, data, point, eye, tip_body, near=_TIP_RADIUS)
                 )
         return float(np.mean(sights))
 
     usual = view.azimuth, view.elevation
-    if seen(usual) > _ENOUGH:
+    if visible_share(usual) > _VISIBLE_SHARE:
         return fitted(usual)
 
     def worth(angles: tuple[float, float]) -> float:
         turned = abs((angles[0] - usual[0] + 180.0) % 360.0 - 180.0) / 180.0
-        return seen(angles) - 0.2 * turned - 0.2 * abs(angles[1] - usual[1]) / 90.0
+        return visible_share(angles) - 0.2 * turned - 0.2 * abs(angles[1] - usual[1]) / 90.0
 
     return fitted(max(((float(a), e) for e in _ELEVATIONS for a in _AZIMUTHS), key=worth))
 
@@ -169,7 +171,7 @@ def _open_to(world: RecordedWorld, room: Vector, view: View, aspect: float) -> V
 def _looked_at(world: RecordedWorld) -> tuple[NDArray[np.int64], Vector, Vector]:
     """Rows that stand for a run, the points that should be in the picture, and bodies' places."""
     recording, model = world.recording, world.model
-    rows = np.unique(np.linspace(0, len(recording) - 1, _LOOKS).astype(int))
+    rows = np.unique(np.linspace(0, len(recording) - 1, _FITTED_ROWS).astype(int))
     tip_body = model.body(recording.program.context.robot.tip_body).id
     arm = [tip_body]
     while model.body_parentid[arm[-1]] > 0:
@@ -177,7 +179,7 @@ def _looked_at(world: RecordedWorld) -> tuple[NDArray[np.int64], Vector, Vector]
     bodies, samples = [], []
     for row in rows:
         data = world.show(int(row))
-        bodies += [data.xpos[arm] + offset for offset in _GIRTH]
+        bodies += [data.xpos[arm] + offset for offset in _LINK_OFFSETS]
         samples.append(data.xpos[tip_body].copy())
     points = np.vstack([*bodies, recording.point[:: max(1, len(recording) // 200)]])
     return rows, points, np.array(samples)
@@ -193,7 +195,7 @@ def _score(
     """How well a view shows a run: the tip in sight, forces and path across, the arm apart."""
     recording = world.recording
     axes = axes_of(*angles)
-    eye = _FAR * axes[2]
+    eye = _VIEW_DISTANCE * axes[2]
     tool = world.model.body(recording.program.context.robot.tip_body).id
     visible = []
     for row, tip in zip(rows[::3], samples[::3], strict=True):
@@ -206,7 +208,7 @@ def _score(
     whole = float(np.linalg.norm(np.ptp(samples, axis=0))) + 1e-3
     reach = points[0] - points.mean(axis=0)
     apart = float(np.hypot(*(axes[:2] @ reach))) / (float(np.linalg.norm(reach)) + 1e-3)
-    away = abs((angles[0] - _FAVOURITE + 180.0) % 360.0 - 180.0) / 180.0
+    away = abs((angles[0] - _USUAL_AZIMUTH + 180.0) % 360.0 - 180.0) / 180.0
     usual = abs(angles[1] - _ELEVATIONS[1]) / 30.0
     return (
         3.0 * float(np.mean(visible))
@@ -235,9 +237,9 @@ def _unhidden(
         near: what is nearer to the start than this hides nothing either [m].
     """
     hit = np.zeros(1, dtype=np.int32)
-    way = end - start
-    length = float(np.linalg.norm(way))
-    along = way / length
+    ray = end - start
+    length = float(np.linalg.norm(ray))
+    along = ray / length
     shown = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
     at = mujoco.mj_ray(model, data, start + near * along, along, shown, 1, tool, hit, None)
-    return bool(at < 0 or near + at > length - _TOUCHED)
+    return bool(at < 0 or near + at > length - _TIP_RADIUS)

@@ -14,10 +14,10 @@ from taskspec.program.world.equations import EquationModel
 
 Vector = NDArray[np.float64]
 
-_THIN, _BEYOND = 5e-4, 0.04
-_SAME = 1e-6
+_HALF_THICKNESS, _MARGIN = 5e-4, 0.04
+_TOLERANCE = 1e-6
 #: A larger radius than this [m] is not drawn.
-_LARGEST = 2.0
+_LARGEST_RADIUS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ def equation_surfaces(models: Iterable[EquationModel], tip: Vector) -> list[Draw
 
     Args:
         models: the equations.
-        tip: (n, 3) the tool's way [m], around which a surface is shown.
+        tip: (n, 3) the tool's path [m], around which a surface is shown.
     """
     found = [_surface(model, tip) for model in models if not model.joints]
     return [surface for surface in found if surface is not None]
@@ -61,9 +61,9 @@ def _surface(model: EquationModel, tip: Vector) -> DrawnSurface | None:
     size = float(np.abs(values).max())
     if size < 1e-9:
         return _plane(model, local, b.ravel(), float(c.item()))
-    flat = np.abs(values) < _SAME * size
+    flat = np.abs(values) < _TOLERANCE * size
     round_ = values[~flat]
-    if not np.allclose(round_, round_[0], rtol=_SAME) or len(round_) < 2:
+    if not np.allclose(round_, round_[0], rtol=_TOLERANCE) or len(round_) < 2:
         return None
     vectors = vectors[:, np.argsort(flat, kind="stable")]
     return _round(
@@ -76,8 +76,8 @@ def _plane(model: EquationModel, local: Vector, b: Vector, c: float) -> DrawnSur
     foot = -c / float(np.linalg.norm(b)) * normal
     across = _axes_about(normal)
     on = (local - foot) @ across
-    low, high = on.min(axis=0) - _BEYOND, on.max(axis=0) + _BEYOND
-    half = np.array([*(high - low)[:2] / 2, _THIN])
+    low, high = on.min(axis=0) - _MARGIN, on.max(axis=0) + _MARGIN
+    half = np.array([*(high - low)[:2] / 2, _HALF_THICKNESS])
     center = foot + across[:, :2] @ ((high + low)[:2] / 2)
     return _placed(model, mujoco.mjtGeom.mjGEOM_BOX, half, center, across)
 
@@ -91,12 +91,12 @@ def _round(
     """A cylinder or sphere of a x^2 / 2 + b x + c over two or three of its axes."""
     a, vectors, b, c = terms
     along = vectors.T @ b
-    if dimensions == 2 and abs(along[2]) > _SAME:
+    if dimensions == 2 and abs(along[2]) > _TOLERANCE:
         return None
     middle = -along / a
     middle[dimensions:] = 0.0
     squared = float(middle @ middle) - 2 * c / a
-    if not 0.0 < squared < _LARGEST**2:
+    if not 0.0 < squared < _LARGEST_RADIUS**2:
         return None
     radius = float(np.sqrt(squared))
     if dimensions == 3:
@@ -104,7 +104,7 @@ def _round(
     else:
         on = local @ vectors[:, 2]
         middle[2] = (on.min() + on.max()) / 2
-        half = np.array([radius, radius, (on.max() - on.min()) / 2 + _BEYOND / 2])
+        half = np.array([radius, radius, (on.max() - on.min()) / 2 + _MARGIN / 2])
         kind = mujoco.mjtGeom.mjGEOM_CYLINDER
     axes = vectors * np.sign(np.linalg.det(vectors))
     return _placed(model, kind, half, vectors @ middle, axes)

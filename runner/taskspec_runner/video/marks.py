@@ -28,12 +28,12 @@ _SURFACE: Color = (0.35, 0.62, 0.85, 0.22)
 _LINK: Color = (0.80, 0.82, 0.85, 1.0)
 
 #: Of an arrow for the largest force of a run [m]; below this force [N] none is drawn.
-_LONGEST, _LEAST_FORCE = 0.16, 0.2
+_LONGEST_ARROW, _LEAST_FORCE = 0.16, 0.2
 #: Length and half widths [m].
 _TRIAD, _TRIAD_WIDTH, _ARROW_WIDTH = 0.085, 0.0035, 0.0075
 _WANTED_WIDTH, _TRACE_WIDTH, _LINK_RADIUS = 0.0022, 0.0026, 0.035
 #: Most pieces of a path; nearer than this [m] two of its points are one; further, a jump.
-_PIECES, _NEAR, _JUMP = 150, 5e-4, 0.03
+_MOST_PIECES, _POINT_SPACING, _JUMP_DISTANCE = 150, 5e-4, 0.03
 _EMISSION = 0.25
 
 
@@ -90,7 +90,7 @@ class Marks:
         force = np.linalg.norm(recording.force, axis=1)
         # A short impact should not make everything after it small.
         largest = float(np.quantile(force, 0.995))
-        self.scale = size * _LONGEST / largest if largest > _LEAST_FORCE else 0.0
+        self.scale = size * _LONGEST_ARROW / largest if largest > _LEAST_FORCE else 0.0
         jumps = [visit.first for visit in recording.visits]
         self._wanted = _bars(recording.wanted, jumps)
         self._traced = _bars(recording.point, jumps)
@@ -111,12 +111,12 @@ class Marks:
         size = float(np.linalg.norm(force))
         if self.scale and size > _LEAST_FORCE:
             # What overshoots by far is drawn no longer than fits.
-            length = min(self.scale * size, 1.5 * self._size * _LONGEST)
+            length = min(self.scale * size, 1.5 * self._size * _LONGEST_ARROW)
             arms.append(Arm("applied", f"{size:.1f} N", at, at + length / size * force))
         return arms
 
     def draw_bodies(self, scene: mujoco.MjvScene) -> None:
-        """Adds equations' surfaces, and links without looks, to a scene that shows the world."""
+        """Adds equations' surfaces, and links without meshes, to a scene that shows the world."""
         data = self._world.data
         for upper, lower in self._world.links:
             geom = _new(scene, _LINK)
@@ -137,7 +137,7 @@ class Marks:
             width = _ARROW_WIDTH if arm.kind == "applied" else _TRIAD_WIDTH
             geom = _new(scene, COLORS[arm.kind], emission=_EMISSION)
             if geom is not None:
-                # MuJoCo draws an arrow half as long as it is told.
+                # MuJoCo draws an arrow half as long as its size says.
                 end = arm.start + 2 * (arm.end - arm.start)
                 kind = mujoco.mjtGeom.mjGEOM_ARROW.value
                 mujoco.mjv_connector(geom, kind, self._size * width, arm.start, end)
@@ -156,11 +156,11 @@ class Marks:
 def _bars(points: Vector, starts: Sequence[int]) -> DrawnPath:
     """A path (n, 3) as bars, none of them where it jumps as a visit starts."""
     steps = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
-    jumps = np.array([row for row in starts if steps[row] > _JUMP], dtype=np.int64)
+    jumps = np.array([row for row in starts if steps[row] > _JUMP_DISTANCE], dtype=np.int64)
     steps[jumps] = 0.0
-    way = np.cumsum(steps)
-    spacing = max(_NEAR, float(way[-1]) / _PIECES)
-    rows = np.flatnonzero(np.diff(np.floor(way / spacing), prepend=-1.0) > 0)
+    distance = np.cumsum(steps)
+    spacing = max(_POINT_SPACING, float(distance[-1]) / _MOST_PIECES)
+    rows = np.flatnonzero(np.diff(np.floor(distance / spacing), prepend=-1.0) > 0)
     rows = np.union1d(rows, np.concatenate([jumps, np.maximum(jumps - 1, 0)]))
     kept = ~np.isin(rows[1:], jumps)
     a, b = points[rows[:-1]][kept], points[rows[1:]][kept]

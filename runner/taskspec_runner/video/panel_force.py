@@ -15,8 +15,8 @@ from taskspec_runner.video.recording import Recording
 
 Vector = NDArray[np.float64]
 
-#: A smaller set point [N, N m] keeps an axis free; nobody looks at it.
-_LEAST = 1e-3
+#: A smaller set point [N, N m] keeps an axis free; it is not shown.
+_SMALLEST_SET_POINT = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,14 +87,14 @@ def _held(recording: Recording) -> str:
 
 def _largest(recording: Recording, visit: Visit) -> str:
     """The signal with the largest set point in a visit; empty without any."""
-    columns, best, name = recording.history.columns, _LEAST, ""
+    columns, best, name = recording.history.columns, _SMALLEST_SET_POINT, ""
     for each in _set_points(recording, visit):
         wanted = columns[f"{each}.ref"][visit.rows]
         good = np.isfinite(wanted)
         # A ramp from the touch to zero is not a set point to look at.
         size = float(np.median(np.abs(wanted[good]))) if good.any() else 0.0
         # Forces come first: 1 N m and 1 N do not compare.
-        if size > best and not ("torque" in each and best > _LEAST):
+        if size > best and not ("torque" in each and best > _SMALLEST_SET_POINT):
             best, name = size, each
     return name
 

@@ -88,12 +88,12 @@ class Pictures:
         for arm, (start, end) in zip(arms, ends, strict=True):
             if not np.isfinite([start, end]).all():
                 continue
-            way = (end - start) / max(float(np.linalg.norm(end - start)), 1.0)
+            direction = (end - start) / max(float(np.linalg.norm(end - start)), 1.0)
             big = arm.kind == "applied"
-            at = end + self._pen(11) * way
+            at = end + self._pen(11) * direction
             if big:
                 # On the side of the arrow that has fewer of the frame's axes.
-                across = np.array([-way[1], way[0]])
+                across = np.array([-direction[1], direction[0]])
                 axes = sum((e[1] - e[0] for e in ends[:-1]), np.zeros(2))
                 side = -1.0 if float(axes @ across) > 0 else 1.0
                 shift = np.array([32.0, 15.0]) * self._pen.scale

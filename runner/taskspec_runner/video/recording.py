@@ -19,7 +19,7 @@ Vector = NDArray[np.float64]
 #: A longer run is drawn by every so many-th tick: of an hour at 1 kHz by every 30th.
 MOST_TICKS = 120_000
 #: A smaller force is no contact [N]; a share of the largest that is as good as it.
-_TOUCHING, _NEARLY = 0.5, 0.9
+_CONTACT_FORCE, _SHARE_OF_LARGEST = 0.5, 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ def steadiest_contact(recording: Recording, span: float = 0.2) -> int:
 
     Returns:
         The middle one of the rows where that is nearly as large as anywhere; of a run without
-        contact, the row where the tool has gone half of its way.
+        contact, the row where the tool has gone half of its path.
     """
     size = np.linalg.norm(recording.force, axis=1)
     between = float(np.median(np.diff(recording.clock))) if len(size) > 1 else recording.period
@@ -151,9 +151,9 @@ def steadiest_contact(recording: Recording, span: float = 0.2) -> int:
 
     average = mean(size)
     lasting = average - 2 * np.sqrt(np.maximum(mean(size**2) - average**2, 0.0))
-    if lasting.max() < _TOUCHING:
+    if lasting.max() < _CONTACT_FORCE:
         steps = np.diff(recording.tip, axis=0, prepend=recording.tip[:1])
-        way = np.cumsum(np.linalg.norm(steps, axis=1))
-        return min(int(np.searchsorted(way, way[-1] / 2)), len(size) - 1)
-    good = np.flatnonzero(lasting >= _NEARLY * lasting.max())
+        distance = np.cumsum(np.linalg.norm(steps, axis=1))
+        return min(int(np.searchsorted(distance, distance[-1] / 2)), len(size) - 1)
+    good = np.flatnonzero(lasting >= _SHARE_OF_LARGEST * lasting.max())
     return int(good[len(good) // 2]) + width // 2

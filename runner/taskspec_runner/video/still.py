@@ -42,7 +42,7 @@ def _png(recording: Recording, clock: float | None, size: tuple[int, int]) -> by
     finally:
         pictures.close_canvas()
     file = io.BytesIO()
-    # Two bits less in each colour are not seen, and halve the file; a palette would be seen.
+    # Two bits less in each colour are invisible, and halve the file; a palette would be visible.
     coarse = (drawn & 0xFC) | (drawn >> 6)
     Images.fromarray(coarse).save(file, "png", optimize=True)
     return file.getvalue()

@@ -98,7 +98,7 @@ class Show:
         model.geom_rgba[solids, 3] *= _SOLID
 
     def camera(self) -> mujoco.MjvCamera:
-        """Where it is looked at from at first."""
+        """The camera at first."""
         found = frame_run(self.world, _ASPECT)
         if self._cut.camera is not None:
             found = seen_from(found, *self._cut.camera)

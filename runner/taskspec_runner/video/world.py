@@ -21,7 +21,7 @@ from taskspec_runner.video.recording import Recording
 
 Vector = NDArray[np.float64]
 
-#: What is seen of an endless shape goes beyond the tool's way over it by this much [m].
+#: What is drawn of an endless shape goes beyond the tool's path over it by this much [m].
 _MARGIN = 0.14
 #: Samples that multisampling takes of a pixel.
 _SAMPLES = 4
@@ -34,7 +34,7 @@ class RecordedWorld:
 
     Attributes:
         recording: of the run.
-        model, data: MuJoCo's, as far as looks go.
+        model, data: MuJoCo's, as far as pictures need them.
         links: pairs of bodies of the arm between which nothing is drawn by the robot's file.
     """
 
@@ -43,7 +43,7 @@ class RecordedWorld:
         context = recording.program.context
         task = recording.true
         start = truly_holding(context, task)
-        scene = build_scene(SceneArm(context.robot, task.robot, start), task, seen=True)
+        scene = build_scene(SceneArm(context.robot, task.robot, start), task, drawn=True)
         model = scene.model
         self.model, self.data = model, mujoco.MjData(model)
         model.vis.quality.offsamples = _SAMPLES
@@ -76,7 +76,7 @@ class RecordedWorld:
         return data
 
     def _show_endless(self, name: str, shape: Shape) -> None:
-        """Lets a shape that is endless be seen where the tool goes over it."""
+        """Draws a shape that is endless where the tool goes over it."""
         solid = surface(shape)
         R, origin = solid.rotation, solid.origin
         over = (self.recording.tip - origin) @ R
@@ -94,7 +94,7 @@ class RecordedWorld:
 def bare_links(model: mujoco.MjModel, tip_body: str) -> tuple[tuple[int, int], ...]:
     """Bodies from the tip to the base of which the upper one has no shape of its own.
 
-    A tool that has a shape is seen as it is: nothing is drawn between it and its flange.
+    A tool that has a shape is drawn as it is: nothing is drawn between it and its flange.
     """
     found = []
     body = model.body(tip_body).id

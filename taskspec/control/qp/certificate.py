@@ -15,7 +15,7 @@ Rows = NDArray[np.intp]
 
 # Rows are scaled to unit length, so both are lengths in the space of x over its own unit.
 _NULL = 1e-7
-_SMALL = 1e-6
+_SMALLEST_WEIGHT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ def _candidates(A: Array, lower: Array, upper: Array, given: Rows) -> Rows:
     weights = np.zeros(m) if y is None else np.abs(y)
     order: Rows = np.argsort(weights, kind="stable")
     order = np.concatenate([order[~np.isin(order, given)], given])
-    named = order[(weights[order] > _SMALL * np.max(weights)) | np.isin(order, given)]
+    named = order[(weights[order] > _SMALLEST_WEIGHT * np.max(weights)) | np.isin(order, given)]
     return named if _infeasible(A, lower, upper, named) else order
 
 

@@ -21,7 +21,7 @@ class DaqpSolver:
     """Solves each problem from an empty working set, so that the answer depends on it alone.
 
     Starting from the last active set gains little at this size (measured with 7 unknowns and 20
-    rows of which up to four are active: 4 to 5 us either way), and it carries flags over: a row
+    rows of which up to four are active: 4 to 5 us in both cases), and it carries flags over: a row
     that was an equality, or zero, or active at a bound that is infinite now spoils later answers.
 
     Rows need a common scale: DAQP takes a row for zero when its length in the metric of P,

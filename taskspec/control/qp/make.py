@@ -10,7 +10,7 @@ SOLVERS = ("daqp", "osqp")
 def make_solver(name: str, n: int, m: int) -> Solver:
     """A solver for problems of n unknowns and m rows.
 
-    Each library is imported only when it is asked for: osqp takes longer to import than a task
+    Each library is imported at its first use: osqp takes longer to import than a task
     to compile.
 
     Raises:

@@ -67,7 +67,7 @@ class QuadraticProgram:
 
     @classmethod
     def empty(cls, n: int, m: int) -> QuadraticProgram:
-        """A problem of n unknowns and m rows that asks for nothing: x = 0 solves it."""
+        """A problem of n unknowns and m rows that requests nothing: x = 0 solves it."""
         infinite = np.full(m, np.inf)
         return cls(np.eye(n), np.zeros(n), np.zeros((m, n)), -infinite, infinite)
 

@@ -28,7 +28,7 @@ class PathForm(ABC):
     """A kind of path; a subclass is one, and takes the values of its keys by their names.
 
     Coordinates are those of the stage's frame. The path parameter s goes from 0 to 1, but where a
-    table tells its own time.
+    table has its own time.
 
     Attributes:
         name: its key in a file.
@@ -160,7 +160,7 @@ def norm(values: Sequence[Number]) -> Number:
 
 
 def length_of(ends: Mapping[Axis, Number]) -> Number:
-    """Length [m] of a straight way over its translations; [rad] where it only turns."""
+    """Length [m] of a straight line over its translations; [rad] where it only turns."""
     moved = norm([e for a, e in ends.items() if not a.is_rotation] or [0.0])
     turned = norm([e for a, e in ends.items() if a.is_rotation] or [0.0])
     if isinstance(moved, float):

@@ -45,7 +45,7 @@ class LaidPath(PathForm):
     """
 
     def lay(self) -> Route:
-        """The path; asked for once."""
+        """The path; made once."""
         raise NotImplementedError
 
     @property

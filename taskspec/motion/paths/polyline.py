@@ -59,11 +59,11 @@ class Piece:
     normal: Vector | None = None
     radius: float = math.inf
 
-    def at(self, way: float) -> tuple[Vector, Vector]:
-        """Place and unit tangent (d,) after a way along it [m]."""
+    def at(self, distance: float) -> tuple[Vector, Vector]:
+        """Place and unit tangent (d,) after a distance along it [m]."""
         if self.normal is None:
-            return self.start + way * self.direction, self.direction
-        angle = way / self.radius
+            return self.start + distance * self.direction, self.direction
+        angle = distance / self.radius
         c, s = math.cos(angle), math.sin(angle)
         place = self.start + self.radius * (s * self.direction + (1 - c) * self.normal)
         return place, c * self.direction + s * self.normal
@@ -126,12 +126,12 @@ class Polyline:
         return found
 
     def reached(self) -> list[float]:
-        """The way along the path to each point, or to the middle of its arc [m]."""
-        way, found = 0.0, [0.0]
+        """The distance along the path to each point, or to the middle of its arc [m]."""
+        distance, found = 0.0, [0.0]
         for i, leg in enumerate(self.legs):
             arcs = [self._arc(j) for j in (i, i + 1)]
-            way += arcs[0] / 2 + float(leg - self.cuts[i] - self.cuts[i + 1]) + arcs[1] / 2
-            found.append(way)
+            distance += arcs[0] / 2 + float(leg - self.cuts[i] - self.cuts[i + 1]) + arcs[1] / 2
+            found.append(distance)
         return found
 
     def _arc(self, i: int) -> float:
@@ -150,20 +150,20 @@ class Polyline:
         return tuple(found)
 
     def splines(self) -> list[PiecewiseCubic]:
-        """Each coordinate against the share of the way, 0 to 1; exact on legs."""
+        """Each coordinate against the share of the distance, 0 to 1; exact on legs."""
         from taskspec.motion.polynomial import PiecewiseCubic
 
         pieces = self.pieces()
         whole = math.fsum(piece.length for piece in pieces)
-        knots, rows, way = [0.0], [], 0.0
+        knots, rows, distance = [0.0], [], 0.0
         for piece in pieces:
             angle = 0.0 if piece.normal is None else piece.length / piece.radius
             count = max(1, math.ceil(angle / _PIECE - _ROUNDING))
             step = piece.length / count
             for i in range(count):
                 rows.append(hermite(*piece.at(i * step), *piece.at((i + 1) * step), step, whole))
-                knots.append((way + (i + 1) * step) / whole)
-            way += piece.length
+                knots.append((distance + (i + 1) * step) / whole)
+            distance += piece.length
         knots[-1] = 1.0
         table = np.array(rows)
         return [PiecewiseCubic(np.array(knots), table[:, :, i]) for i in range(table.shape[2])]
@@ -176,9 +176,9 @@ def hermite(
 
     Args:
         p0, p1: places (d,) [m].
-        t0, t1: rates along the way (d,).
-        step: from one to the other along the way [m].
-        whole: the way that the argument counts in [m].
+        t0, t1: rates along the path (d,).
+        step: from one to the other along the path [m].
+        whole: the distance that the argument counts in [m].
     """
     slope = (p1 - p0) / step
     bend = (3 * slope - 2 * t0 - t1) / step

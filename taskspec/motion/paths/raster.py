@@ -24,7 +24,7 @@ class Raster(LaidPath):
     inside of the rectangle.
 
     Attributes:
-        size: of the rectangle along x and y; a negative one leads the other way [m].
+        size: of the rectangle along x and y; a negative one leads in the opposite direction [m].
         pitch: greatest distance of two lines [m].
         along: the axis of the lines.
     """

@@ -81,37 +81,39 @@ class Spiral(LaidPath):
         return None
 
     def lay(self) -> Route:
-        """Cubics through places and tangents against the way, s = b/2 (theta c + asinh theta)."""
+        """Cubics through places and tangents over the length, s = b/2 (theta c + asinh theta)."""
         from taskspec.motion.polynomial import PiecewiseCubic
 
         b, last = self.pitch / (2 * math.pi), 2 * math.pi * self.turns
         knots = np.concatenate([np.arange(0.0, 1.0, _PIECE / 2), np.arange(1.0, last, _PIECE)])
         knots = np.concatenate([knots[knots < last - _PIECE / 8], [last]])
         root = np.sqrt(1 + knots**2)
-        ways = b / 2 * (knots * root + np.arcsinh(knots))
+        distances = b / 2 * (knots * root + np.arcsinh(knots))
         c, s = np.cos(knots), np.sin(knots)
         places = b * knots[:, None] * np.column_stack([c, s])
         tangents = np.column_stack([c - knots * s, s + knots * c]) / root[:, None]
-        whole = float(ways[-1])
+        whole = float(distances[-1])
         rows = np.array(
             [
                 hermite(
                     places[i], tangents[i], places[i + 1], tangents[i + 1],
-                    float(ways[i + 1] - ways[i]), whole,
+                    float(distances[i + 1] - distances[i]), whole,
                 )
                 for i in range(len(knots) - 1)
             ]
         )  # fmt: skip
-        shares = ways / whole
+        shares = distances / whole
         splines = {a: PiecewiseCubic(shares, rows[:, :, i]) for i, a in enumerate(self.own)}
         return Route(splines, self._sections(b, last))
 
     def _sections(self, b: float, last: float) -> tuple[PathSection, ...]:
-        """Half turns, each as much bent as where it begins: the curvature falls all the way."""
+        """Half turns, each as much bent as where it begins: the curvature falls throughout."""
         ends = [*np.arange(0.0, last - 0.5, math.pi).tolist(), last]
-        ways = [b / 2 * (t * math.hypot(1, t) + math.asinh(t)) for t in ends]
+        distances = [b / 2 * (t * math.hypot(1, t) + math.asinh(t)) for t in ends]
         bends = [(2 + t**2) / (b * (1 + t**2) ** 1.5) for t in ends]
-        return tuple(PathSection(ways[i + 1] - ways[i], bends[i]) for i in range(len(ends) - 1))
+        return tuple(
+            PathSection(distances[i + 1] - distances[i], bends[i]) for i in range(len(ends) - 1)
+        )
 
     def of_axis(self, axis: Axis) -> str:  # noqa: ARG002
         """How far out."""

@@ -50,7 +50,7 @@ class To(PathForm):
         return tuple(coordinates(self.to))
 
     def moves(self, axis: Axis) -> bool:
-        """By how far, depends on where the stage begins; a coordinate of 0 asks for nothing."""
+        """By how far, depends on where the stage begins; a coordinate of 0 moves nothing."""
         return coordinates(self.to)[axis] != 0.0
 
     @property
@@ -126,8 +126,8 @@ class Line(PathForm):
 
     def length(self, start: Mapping[Axis, Number], axes: Sequence[Axis]) -> Number:  # noqa: ARG002
         """Of the straight line."""
-        way = coordinates(self.by)
-        return length_of({a: way[a] for a in axes})
+        distances = coordinates(self.by)
+        return length_of({a: distances[a] for a in axes})
 
     def of_axis(self, axis: Axis) -> str:
         """How far."""

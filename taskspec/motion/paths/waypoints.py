@@ -38,8 +38,8 @@ _STEEPEST = 1.5
 class Waypoints(LaidPath):
     """Straight legs through points of the frame, with round corners.
 
-    Between two points the orientation goes on the shortest way about one axis, with a smooth step
-    of the way (3 u^2 - 2 u^3): so its rate has no jump.
+    Between two points the orientation takes the smallest angle about one axis, with a smooth step
+    of the distance (3 u^2 - 2 u^3): so its rate has no jump.
 
     Attributes:
         points: x, y, z [m], rx, ry, rz [rad] of each, from the left.
@@ -113,13 +113,13 @@ class Waypoints(LaidPath):
         return None
 
     def lay(self) -> Route:
-        """Legs and arcs, and what turns on the way."""
+        """Legs and arcs, and the rotation along them."""
         line = Polyline(self._places, self.radius)
         splines = dict(zip(AXES, line.splines(), strict=False))
         sections, reached = line.sections(), line.reached()
         vectors = [np.array((*point[3:], 0.0, 0.0, 0.0)[:3]) for point in self.points]
         if len(self.points[0]) > 3:
-            turning = _turning(vectors, [way / reached[-1] for way in reached])
+            turning = _turning(vectors, [distance / reached[-1] for distance in reached])
             splines |= {a: turning[i] for i, a in enumerate(self.own[3:])}
             sections = _slowed(sections, vectors, reached)
         return Route(splines, sections)
@@ -143,22 +143,22 @@ def _slowed(
 ) -> tuple[PathSection, ...]:
     """Sections with the speed at which the tool turns as fast as it may."""
     turns = [float(np.linalg.norm(_between(a, b))) for a, b in itertools.pairwise(vectors)]
-    found, way = [], 0.0
+    found, distance = [], 0.0
     for section in sections:
         on = [
             _STEEPEST * turn / (end - start)
             for turn, start, end in zip(turns, reached, reached[1:], strict=False)
-            if start < way + section.length and way < end
+            if start < distance + section.length and distance < end
         ]
         steepest = max(on)
         speed = MOST_TURNING / steepest if steepest > 0 else math.inf
         found.append(PathSection(section.length, section.curvature, speed, rests=section.rests))
-        way += section.length
+        distance += section.length
     return tuple(found)
 
 
 def _turning(vectors: Sequence[Vector], shares: Sequence[float]) -> list[PiecewiseCubic]:
-    """Rotation vectors against the share of the way, each coordinate in cubics."""
+    """Rotation vectors against the share of the distance, each coordinate in cubics."""
     from taskspec.geometry.rotation import quaternion, turned, vector_of
     from taskspec.motion.polynomial import PiecewiseCubic
 

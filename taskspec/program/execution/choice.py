@@ -2,7 +2,7 @@
 
 Around a full circle no fixed choice survives: every coordinate's share of the gradient changes its
 sign once. So the choice is made again before it degrades. The acceleration that the old choice
-asked for is held, and fades, so that the torque does not jump.
+commanded is held, and fades, so that the torque does not jump.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Chooser:
     """Chooses the coordinates of a stage, on the arrays of its tick.
 
     Attributes:
-        look: writes the constraints' gradient and what is asked of the coordinates.
+        look: writes the constraints' gradient and what is commanded to the coordinates.
         gradient: (m c,) of the m constraints by the c coordinates, column by column.
         selection: (m c,) of the tick's parameters, row by row.
         sizes: m and c.
@@ -54,7 +54,7 @@ class Chooser:
         self._choose()
 
     def again(self, t: float) -> None:
-        """Chooses at stage time t [s] and holds what the last choice asked for at these inputs."""
+        """Chooses at stage time t [s] and holds what the last choice commanded at these inputs."""
         self.look.evaluate()
         self._choose()
         # Of an acceleration that keeps the constraints, elimination changes nothing.

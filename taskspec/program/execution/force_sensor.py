@@ -21,7 +21,7 @@ class ForceSensor:
     """A sensor that turns with the tool: bias and noise, low-pass, sample and hold, delay.
 
     Attributes:
-        function: the tick: what it feels, what it remembers -> the reading.
+        function: the tick: the true wrench, what it remembers -> the reading.
         memory, kept: (6 order,) what it remembers before the tick and after it.
         samples: (1,) 1 in a tick in which it samples, else 0.
         hold_ticks: every so many it does.

@@ -70,7 +70,7 @@ class Machine:
         q, v: (n,) measured joint positions and velocities.
         wrench: (6,) measured, by the environment on the tool tip, world axes [N, N m].
         reactions: (equations,) measured, what the robot applies along each equation's unit
-            gradient [N, N m]; those on the tip are told from the wrench instead.
+            gradient [N, N m]; those on the tip are computed from the wrench instead.
         sensor: makes the wrench from readings; None where the wrench is written itself.
         period: of control [s].
         runners: of the stages, in their order; `runner` is that of the current one.
@@ -158,9 +158,9 @@ class Machine:
         self._enter(0.0)
 
     def returned_forces(self, index: int, t: float) -> ReturnedForces | None:
-        """What stage `index` asks of contacts at its time t [s], were it entered at rest here.
+        """What stage `index` requests of contacts at its time t [s], were it entered at rest here.
 
-        None for a stage that solves no program, asks for no force, or begins in a frame that is
+        None for a stage that solves no program, requests no force, or begins in a frame that is
         yet to be estimated.
         """
         runner = self.runners[index]
@@ -224,7 +224,7 @@ class Machine:
         return event
 
     def look(self, clock: float) -> None:
-        """Measures at run time `clock` [s] as the current stage does, which asks for nothing.
+        """Measures at run time `clock` [s] as the current stage does, which commands nothing.
 
         Model terms and outputs are those of this instant; the torque is for the caller to write.
         """

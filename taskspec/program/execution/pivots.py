@@ -11,7 +11,7 @@ from taskspec.native.kernel import Vector, Words
 #: More exchanges than this are rounding.
 _EXCHANGES = 50
 #: In the place of a pivot of 0, where the constraints depend on each other.
-_TINY = 1e-300
+_ZERO_PIVOT = 1e-300
 
 
 def select(
@@ -71,7 +71,7 @@ def _eliminate(rows: Vector, i: int, j: int, m: int, c: int) -> None:
     """Makes column j a unit vector whose 1 is in row i."""
     own, pivot = rows[c * i :], rows[c * i + j]
     if pivot == 0.0:
-        pivot = _TINY
+        pivot = _ZERO_PIVOT
     for k in range(c):
         own[k] = own[k] / pivot
     for r in range(m):

@@ -75,13 +75,13 @@ class StageSolver:
         assemble: writes the program; accept: judges an answer, into `accepted`, `residual`,
             `binding` and `found_cut`.
         applied: (n,) torque of the tick before.
-        nearest: the forces that contacts return; None where nothing is asked of them.
+        nearest: the forces that contacts return; None where nothing is requested of them.
         unreachable: slot of what is left of them.
         limited, cut, last_torque: slots of the stage's parameters that are written for the next
             tick; `last_torque` is None where torques may change at any rate.
         clamped_cut: (r,) what the tick itself has taken from pushes.
-        clear: whether no limit was in the way of the last tick.
-        paring: whether the last tick asked for forces that contacts do not return.
+        clear: whether no limit was active in the last tick.
+        paring: whether the last tick requested forces that contacts do not return.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class StageSolver:
         self._problem = problem = QuadraticProgram(
             np.eye(n), np.zeros(n), np.zeros((m, n)), lower, upper
         )
-        # OSQP is asked for to be used.
+        # OSQP is selected to be used.
         self.own = own(problem) if resolution.solver == "daqp" else None
         if self.own is None:
             self._x, self._dual = np.zeros(n), np.zeros(m)
@@ -185,7 +185,7 @@ class StageSolver:
             self.unreachable[:] = left
 
     def returned_forces(self) -> ReturnedForces | None:
-        """What the inputs of the last tick ask of contacts; None where nothing is, or is known."""
+        """The forces that the last tick requests of contacts; None for none, or if unknown."""
         if self.nearest is None:
             return None
         left = self.nearest.find()
@@ -256,7 +256,7 @@ class StageSolver:
         self.counts.worst = max(self.counts.worst, residual)
         self._torque[:] = self.accepted
         self._outputs[_RESIDUAL] = residual
-        # A push that was clamped and binds in the program too is told once.
+        # A push that was clamped and binds in the program too is reported once.
         binding = int(self.binding[0]) | int(self._outputs[_CLAMPED])
         self._report_cuts(self.found_cut + self.clamped_cut, binding)
         return True
@@ -268,7 +268,7 @@ class StageSolver:
 
 @dataclass(frozen=True, slots=True)
 class ReturnedForces:
-    """What a stage asks of its contacts, and what they cannot return of it.
+    """What a stage requests of its contacts, and what they cannot return of it.
 
     Attributes:
         forces: (r,) as the robot would apply them, by name.

@@ -33,7 +33,7 @@ class Tracks:
         # Cubics of time; and the path's, which has a time of its own where signals slow it.
         self._cubics: list[tuple[Vector, PiecewiseCubic]] = []
         self._table: list[tuple[Vector, PiecewiseCubic]] = []
-        # Made of the numbers when they are first asked for.
+        # Made of the numbers at their first use.
         self._knots: list[float] = []
         self._path_knots: list[float] = []
         self.places: list[tuple[int, int, bool]] = []
@@ -69,7 +69,7 @@ class Tracks:
         self._pass(0.0)
 
     def forget(self) -> None:
-        """Has the numbers of an entry be taken up when they are asked for."""
+        """Has the numbers of an entry be taken up at their first use."""
         self._knots = []
 
     def _sort(self) -> None:

@@ -26,7 +26,8 @@ class Transition:
         to: the next stage, `end` or `fail`; empty where a limit stopped the run.
         torque_step: how far the next stage's first torque is from this one's at the same
             measurement, of the joint where that is most [N m].
-        torque_carried: how far this one's is from what the next law asks for, and carried on [N m].
+        torque_carried: how far this one's is from what the next law commands, and handed over [N
+            m].
     """
 
     clock: float

@@ -136,11 +136,11 @@ def add_speed(
     L: ca.SX,
     acceleration: ca.SX,
 ) -> ca.SX:
-    """Rows that keep the tip's speed: along the way that it takes, and aside from it.
+    """Rows that keep the tip's speed: along its motion, and aside from it.
 
     The velocity after this period lies in a box inside the ball of the limit, whose axis turns
-    towards what the law asks for. A plane across the way alone lets the tip escape sideways: where
-    the law asks for T a > v aside, faster than it turns.
+    towards what the law commands. A plane across the motion alone lets the tip escape sideways:
+    where the law commands T a > v aside, faster than it turns.
 
     Returns:
         (3, k) the unit vectors of the rows.
@@ -152,7 +152,7 @@ def add_speed(
     ahead = _heading(v, v + change, aside)
     jerk = None
     if limits.torque_rate is not None:
-        # The most that torques of size 1 do along the way.
+        # The most that torques of size 1 do along the motion.
         most = ca.sum1(ca.fabs(linear.solve(L, J.T @ ahead)))
         jerk = BRAKING * limits.torque_rate * most
     rate, along = ca.dot(ahead, change) / T, ca.dot(ahead, v)

@@ -1,9 +1,10 @@
-"""The nearest forces to those that a stage asks for that its contacts can return.
+"""The nearest forces to those of a stage that its contacts can return.
 
 A contact returns what it is made of: pushes along its normal, and along its surface no more than
 friction holds. On every point where the tool touches there is one such generator of force, on a
-grip and on an equation that holds both ways one of either sign. The requested forces are replaced
-by the nearest sum of generators that the caps and the motors allow; what is left over is told.
+grip and on an equation that holds in both directions one of either sign. The requested forces are
+replaced by the nearest sum of generators that the caps and the motors allow; what is left over is
+reported.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ from taskspec.spec import Limits
 SET_POINT_SHARE = 0.95
 #: Share of the motors' torque that static forces may take; the rest is for motion.
 STATIC_SHARE = 0.9
-#: Share of its friction that a contact is asked to hold: at the edge of the cone it creeps.
+#: Share of its friction that a contact has to hold: at the edge of the cone it creeps.
 FRICTION_SHARE = 0.9
 #: A sum of generators that differs from the request by this share of it counts as equal.
 EQUAL = 1e-6
 _CAP = "the limit on force"
-#: Weight of a generator's own size, so that equal sums are told apart.
-_LEAST = 1e-8
+#: Weight of a generator's own size, so that equal sums differ.
+_GENERATOR_WEIGHT = 1e-8
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,7 @@ class Generator:
 
 @dataclass(frozen=True, slots=True)
 class Requests:
-    """The forces that a stage asks for.
+    """The forces that a stage requests.
 
     Attributes:
         names: (r,) of axes and equations.
@@ -102,7 +103,7 @@ def consistency(
     generators: Sequence[Generator],
     gravity: ca.SX,
 ) -> Consistency | None:
-    """The program of a stage; None where it asks for nothing, or nothing is known to return it."""
+    """The program of a stage; None where it requests nothing, or nothing is known to return it."""
     if not requests.names or not generators:
         return None
     conditions = _Conditions(len(generators))
@@ -170,13 +171,13 @@ def _program(requests: Requests, E: ca.SX, conditions: _Conditions) -> Consisten
     lower, upper = ca.vertcat(*conditions.lower), ca.vertcat(*conditions.upper)
     scales = [1 / ARM_LENGTH if is_moment(name) else 1.0 for name in requests.names]
     W = ca.diag(ca.DM(scales) ** 2)
-    gram = E @ E.T + _LEAST * ca.SX.eye(len(requests.names))
+    gram = E @ E.T + _GENERATOR_WEIGHT * ca.SX.eye(len(requests.names))
     guess = E.T @ linear.solve(linear.cholesky(gram), f)
     missed = ca.norm_2(E @ guess - f) - EQUAL * (1 + ca.norm_2(f))
     outside = ca.mmax(ca.vertcat(lower - A @ guess, A @ guess - upper))
     return Consistency(
         needed=ca.logic_or(missed > 0, outside > EQUAL),
-        P=ca.densify(E.T @ W @ E + _LEAST * ca.SX.eye(E.shape[1])),
+        P=ca.densify(E.T @ W @ E + _GENERATOR_WEIGHT * ca.SX.eye(E.shape[1])),
         g=ca.densify(-E.T @ W @ f),
         A=ca.densify(A),
         lower=ca.densify(lower),
@@ -242,7 +243,7 @@ def tangents(normal: ca.SX, towards: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def equation_generator(contact: ContactRow, effect: ca.SX) -> Generator:
-    """The generator of an equation: of either sign where it holds both ways."""
+    """The generator of an equation: of either sign where it holds in both directions."""
     both_ways = "moment" if contact.joints else "free"
     kind = both_ways if contact.both_ways else "normal"
     return Generator(effect, contact.J.T, 0.0, kind, contact.name)

@@ -1,6 +1,7 @@
 """The nominal contacts of a stage, as rows on the joints: what limits act on.
 
-A row points the way the robot pushes: into the object. Its multiplier is what the robot applies.
+A row points in the direction in which the robot pushes: into the object. Its multiplier is what
+the robot applies.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from taskspec.signals.entries import TOUCHING
 #: Closer than this [m] to the nominal object, the tool counts as touching it.
 NEAR = 1e-3
 #: However much other contacts bear, this share of a cap is left for each.
-_CROWDED = 0.1
+_LEAST_CAP_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class ContactRow:
         J: (1, n) velocity into it per joint velocity.
         drift: J' q' [m/s^2].
         closing: velocity into it [m/s].
-        active: whether it is there now, as an expression; 1 for what holds both ways.
+        active: whether it is there now, as an expression; 1 for what holds in both directions.
         measured: what the robot applies along it [N, N m].
         pressed: the stage keeps this contact: its force may not turn into a pull.
         both_ways: it returns forces of either sign.
@@ -70,7 +71,7 @@ class ContactRow:
         across = ca.sqrt(ca.fmax(size**2 - along**2, 0))
         along = np.cos(turn) * along + np.sin(turn) * across
         left = ca.sqrt(ca.fmax(along**2 + cap**2 - size**2, 0)) - along
-        return ca.fmax(left, _CROWDED * cap) / np.sqrt(1 + self.friction**2)
+        return ca.fmax(left, _LEAST_CAP_SHARE * cap) / np.sqrt(1 + self.friction**2)
 
 
 def all_objects(context: Context, first: Sequence[str]) -> tuple[str, ...]:
@@ -114,7 +115,7 @@ def shape_rows(
     touching = ca.norm_2(wrench[:3]) > TOUCHING
     active = [gaps[name] < NEAR for name in objects]
     active[:1] = [ca.logic_or(near, touching) for near in active[:1]]
-    # What does not touch takes no share of what is felt.
+    # What does not touch takes no share of the measured force.
     shares = shared_force([n * on for n, on in zip(normals, active, strict=True)], wrench[:3])
     rubs = [context.loaded.task.shapes[name].friction for name in objects]
     rows = []
@@ -156,7 +157,7 @@ def _center(context: Context) -> ca.SX | None:
 
 
 def shared_force(normals: Sequence[ca.SX], force: ca.SX) -> ca.SX:
-    """What the robot applies along each inward normal (c,), of the force (3,) that it feels."""
+    """What the robot applies along each inward normal (c,), of the measured force (3,)."""
     if not normals:
         return ca.SX(0, 1)
     N = ca.horzcat(*normals).T

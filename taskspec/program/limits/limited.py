@@ -1,9 +1,9 @@
 """What a stage under `solve: qp` may not do: limits as rows of one quadratic program.
 
-The torque of the law's closed form is u*. The program looks for the torque u = u* + L x with the
+The torque of the law's closed form is u*. The program solves for the torque u = u* + L x with the
 least x^T P x, where H = L L^T. With P = 1 this is Gauss's principle of least constraint: the joint
 accelerations change as little as they can, each measured by the inertia that it moves, so newtons,
-metres and radians need no weights of their own. P has the null space give way before the motion on
+metres and radians need no weights of their own. P has the null space yield before the motion on
 the task axes, and that before the forces of contacts.
 
 Joint accelerations and contact multipliers follow from the torque, (4.77) and (4.78), and x = 0
@@ -59,8 +59,8 @@ class Pieces:
         inertia: (c, c) Lambda_c.
         active: (c,) whether each is there.
         J: (3, n) of the tip.
-        ways: (3, k) unit vectors along which its speed is kept; world axes.
-        requests: (r, n) rows along which forces are asked for.
+        directions: (3, k) unit vectors along which its speed is kept; world axes.
+        requests: (r, n) rows along which forces are requested.
     """
 
     L: ca.SX
@@ -70,7 +70,7 @@ class Pieces:
     inertia: ca.SX
     active: ca.SX
     J: ca.SX
-    ways: ca.SX
+    directions: ca.SX
     requests: ca.SX
 
     def parts(self) -> list[ca.SX]:
@@ -148,7 +148,7 @@ def matrices(sources: Sequence[Source], pieces: Pieces) -> Matrices:
         TORQUE: pieces.L,
         JOINT: from_joints,
         FORCE: ca.diag(pieces.active) @ multipliers if multipliers.shape[0] else multipliers,
-        SPEED: pieces.ways.T @ onto,
+        SPEED: pieces.directions.T @ onto,
     }
     return Matrices(
         P=_cost(pieces, multipliers),
@@ -193,7 +193,7 @@ def limit_rows(
     v: ca.SX,
     environment: ca.SX,
 ) -> LimitRows:
-    """The limits of a stage, around the torque that its law asks for.
+    """The limits of a stage, around the torque that its law commands.
 
     Args:
         context: of the task.
@@ -201,7 +201,7 @@ def limit_rows(
         state: the arm on the task axes.
         terms: model terms, in the world.
         contacts: of the stage.
-        requests: (r, n) rows along which the stage asks for forces.
+        requests: (r, n) rows along which the stage requests forces.
         wanted: (n,) u* [N m].
         last: (n,) the torque before, None without a limit on its rate.
         q, v: (n,) measured.
@@ -215,13 +215,13 @@ def limit_rows(
     x = on.along_normals(T, M, pushes.shift())
     wanted = wanted + L @ x
     acceleration = acceleration + linear.backward(L, x)
-    ways = ca.SX(3, 0)
+    directions = ca.SX(3, 0)
     found = Bounds()
     add_torques(found, context, limits, wanted, last)
     add_joints(found, context, limits, q, v, acceleration)
     clamped = add_pushes(found, pushes, on.inertia @ (on.C.T @ x))
     if limits.speed is not None:
-        ways = add_speed(found, context, limits, terms, L, acceleration)
+        directions = add_speed(found, context, limits, terms, L, acceleration)
     n, t = L.shape[0], len(state.axes)
     redundant = n > t
     return LimitRows(
@@ -237,7 +237,7 @@ def limit_rows(
             inertia=on.inertia,
             active=on.active,
             J=terms.J[:3, :],
-            ways=ways,
+            directions=directions,
             requests=requests,
         ),
         torque=wanted,

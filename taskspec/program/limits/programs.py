@@ -49,15 +49,14 @@ def resolve(
     """
     context = plan.context
     names = tuple(requested)
-    objects = plan.touched
+    objects = plan.contacts.touched
     limits, inputs, clock = plan.limits, measurement.inputs, measurement.clock.clock
     n = context.robot.pin.nv
     active = {name: measurement.rows[name] for name in plan.active}
     # A limit on the contact force is one on that of every object that the tool may touch.
     capped = objects if limits.force is None else all_objects(context, objects)
-    contacts = shape_rows(
-        context, capped, plan.pressed, measurement.world, inputs.wrench, measurement.gaps, clock
-    )
+    pressed, gaps = plan.contacts.pressed, measurement.gaps
+    contacts = shape_rows(context, capped, pressed, measurement.world, inputs.wrench, gaps, clock)
     on_equations = [
         equation_contact(
             row, name, measurement.reactions[name], context.compliances[name].stiffness
@@ -130,7 +129,7 @@ def _generators(
             resolve_axes[i, :3] = direction.T
             towards += direction * requests.values[i]
     found: list[Generator] = []
-    if axes and plan.gripped:
+    if axes and plan.contacts.gripped:
         at = kinematics.control_point(world, measurement.inputs.wrench, None)
         J = ca.vertcat(at.J[:3, :] - ca.skew(offset) @ at.J[3:, :], at.J[3:, :])
         found += grip_generators(resolve_axes, J)

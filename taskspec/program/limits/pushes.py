@@ -32,7 +32,7 @@ class Contacts:
     """Inertia and multipliers of the contacts that are there now; those that are not count as 0.
 
     Nor does one count that is along others before it, as a sheet on a table is: together they bear
-    what the first one would, and nothing tells how they share it.
+    what the first one would, and how they share it is undetermined.
     """
 
     def __init__(self, contacts: Sequence[ContactRow], L: ca.SX) -> None:
@@ -72,15 +72,15 @@ class Contacts:
         return self.measured + self.inertia @ (self.J @ acceleration + self.drift)
 
 
-def _apart(ways: ca.SX, active: Sequence[ca.SX]) -> list[ca.SX]:
-    """Which of the active contacts have ways, columns (n, c), of their own."""
+def _apart(directions: ca.SX, active: Sequence[ca.SX]) -> list[ca.SX]:
+    """Which of the active contacts have directions, columns (n, c), of their own."""
     own: list[ca.SX] = []
     found: list[ca.SX] = []
-    for i in range(ways.shape[1]):
-        way = left = ways[:, i]
+    for i in range(directions.shape[1]):
+        direction = left = directions[:, i]
         for each in own:
-            left -= each * ca.dot(each, way)
-        size, rest = ca.sumsqr(way), ca.sumsqr(left)
+            left -= each * ca.dot(each, direction)
+        size, rest = ca.sumsqr(direction), ca.sumsqr(left)
         # The first one has nothing before it.
         counts = ca.logic_and(active[i], rest > _OWN_WAY * size) if own else active[i]
         found.append(counts)
@@ -113,7 +113,7 @@ class Pushes:
 
 
 def wanted_pushes(context: Context, limits: Limits, on: Contacts, acceleration: ca.SX) -> Pushes:
-    """What the acceleration (n,) that a law asks for pushes with, and the bounds of that."""
+    """What the acceleration (n,) that a law commands pushes with, and the bounds of that."""
     cap = None if limits.force is None else FORCE_SHARE * limits.force
     lower, upper = {}, {}
     for i, contact in enumerate(on.contacts):

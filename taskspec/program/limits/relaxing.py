@@ -1,4 +1,4 @@
-"""Limits that collide: which of them give way, and by how little."""
+"""Limits that collide: which of them are relaxed, and by how little."""
 
 from __future__ import annotations
 

@@ -18,12 +18,12 @@ _ROUNDING = 1e-6
 #: Outputs of `assemble`, in order; matrices are given by rows.
 ASSEMBLED = ("P", "A", "factor", "requests")
 #: Outputs of `look`, in order; matrices are given by rows.
-LOOKED = ("P", "g", "A", "lower", "upper", "effect", "values")
+LOOK_OUTPUTS = ("P", "g", "A", "lower", "upper", "effect", "values")
 
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """How a stage's torque follows from what its law asks for, where limits are in the way.
+    """How a stage's torque follows from what its law commands, where limits are active.
 
     Attributes:
         solver: `daqp` or `osqp`.
@@ -35,7 +35,7 @@ class Resolution:
         accept: `ASSEMBLED`, lower, upper, u* (n,), x (n,), dual (m,), the torque before (n,), the
             most and the largest step of a torque (n,) -> torque (n,), KKT residual, sum of 2^i over
             the limits i that bind, what limits take from each request (r,).
-        look: the tick's inputs -> `LOOKED`; None where nothing is requested of a contact.
+        look: the tick's inputs -> `LOOK_OUTPUTS`; None where nothing is requested of a contact.
         left: effect, values, forces x (g,) -> what contacts cannot return of each request (r,).
         generators: how many of them there are.
         conditions: on their sizes, in words.
@@ -63,7 +63,7 @@ class Resolved:
         requests: the stage's force set points.
         torques: what the torque of a tick stays within in any case.
         limits: what binds the torque.
-        nearest: the forces that contacts return; None where nothing is asked of one.
+        nearest: the forces that contacts return; None where nothing is requested of one.
     """
 
     solver: str
@@ -85,7 +85,7 @@ class Resolved:
 
     @property
     def unsettled(self) -> ca.SX:
-        """Whether the nearest forces have to be looked for."""
+        """Whether the nearest forces have to be solved for."""
         return ca.SX(0) if self.nearest is None else self.nearest.needed
 
     def compiled(self, arguments: Sequence[ca.SX]) -> Resolution:
@@ -182,6 +182,6 @@ def _left(g: int, r: int) -> ca.Function:
 
 
 def saturated(robot: RobotModel, wanted: ca.SX) -> ca.SX:
-    """Torque (n,) as the actuators make it of what a closed form asks for."""
+    """Torque (n,) as the actuators make it of the command of a closed form."""
     limit = ca.DM(robot.torque_limit)
     return ca.fmax(ca.fmin(wanted, limit), -limit)

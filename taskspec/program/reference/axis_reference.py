@@ -1,4 +1,4 @@
-"""The reference of one axis against time: what its mode asks for, blended in at entry."""
+"""The reference of one axis against time: what its mode commands, blended in at entry."""
 
 from __future__ import annotations
 

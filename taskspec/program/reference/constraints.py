@@ -1,7 +1,7 @@
 """The constraints of a stage under a multiplier law: its force axes and the world's equations.
 
 A force axis of the task frame is the constraint that the surface there imposes; an equation of the
-world is one whether or not the stage gives it a set point, if it holds both ways.
+world is one whether or not the stage gives it a set point, if it holds in both directions.
 """
 
 from __future__ import annotations
@@ -120,10 +120,10 @@ def equation_gains(
 
 
 def _normals(context: Context, equation: str) -> NDArray[np.float64]:
-    """(n, k) unit normals on the joints' rates that an equation may come to have on a stage's way.
+    """(n, k) unit normals on the joints' rates that an equation may come to have along a stage.
 
     Along a curved one the arm is lighter in some directions than in others: its gains are those of
-    the lightest, so that the loop is as stable on the whole way as where it begins.
+    the lightest, so that the loop is as stable along the whole stage as where it begins.
     """
     at = context.start_equations[equation]
     if at.gradient is None:
@@ -142,7 +142,7 @@ class ConstraintSet:
         measured: (m,) applied by the robot [N, N m].
         candidates: (n, c) joint accelerations of the c generalised coordinates: the task axes, and
             on a redundant arm with equations on joints also its inner motions.
-        weights: (c,) how readily each gives way; scaled to metres.
+        weights: (c,) how readily each yields; scaled to metres.
         selection: (c, m) which of them are eliminated; a parameter.
     """
 
@@ -171,8 +171,8 @@ class ConstraintSet:
         return 1 / ca.mmax(gains)
 
 
-#: How readily a coordinate gives way to a constraint: a force axis before one that the file does
-#: not name, and that before one whose motion it asks for.
+#: How readily a coordinate yields to a constraint: a force axis before one that the file does
+#: not name, and that before one whose motion it commands.
 FORCED, UNNAMED, NAMED = 100.0, 10.0, 1.0
 
 

@@ -5,8 +5,8 @@ Kinds of frames count translations differently (docs/language.md):
 * fixed: the coordinate of the control point;
 * turning with a handle: off its circle, along it from the stage's start, and along the axis;
 * following a surface: x and y in lengths on the surface from the stage's start, z the gap;
-* tracking the force: the way of the tool point along the frame's axes from the stage's start;
-* carried by the tool: the way along the tool's own axes from the stage's start.
+* tracking the force: the distance of the tool point along the frame's axes from the stage's start;
+* carried by the tool: the distance along the tool's own axes from the stage's start.
 """
 
 from __future__ import annotations
@@ -71,10 +71,12 @@ def frame_coordinates(plan: StagePlan, measurement: Measurement) -> Coordinates:
             marks[name] = memory.add(name, length)
         for a in AXES[:3]:
             marks[f"last.{a}"] = memory.add(f"last.{a}")
-            marks[f"way.{a}"] = memory.add(f"way.{a}")
+            marks[f"distance.{a}"] = memory.add(f"distance.{a}")
         here = measurement.point.p if at.foot is None else at.foot
         moved = at.R.T @ (here - marks["place"])
-        position = {a: marks[f"way.{a}"] + moved[i] for i, a in enumerate(AXES[:3]) if a in plans}
+        position = {
+            a: marks[f"distance.{a}"] + moved[i] for i, a in enumerate(AXES[:3]) if a in plans
+        }
         if frame.kind == "following" and Axis.Z in plans:
             position[Axis.Z] = measurement.table[f"{frame.surface_name}.gap"]
     base, turned = at.R, ca.SX.eye(3)
@@ -111,7 +113,7 @@ def on_handle(
     Args:
         frame: placed on the handle of `mechanism`.
         angle: of the handle [rad].
-        since: the angle from which the way along the circle counts [rad].
+        since: the angle from which the distance along the circle counts [rad].
     """
     away = mechanism.deviation(p, angle, since)
     return ca.DM(frame.rotation.T) @ (away - ca.DM(frame.origin))

@@ -73,7 +73,7 @@ def open_loop_normals(plan: StagePlan, measurement: Measurement) -> dict[Axis, c
         name: gap(contact)
         * ca.dot(measurement.at.R[:, AXES.index(name)], measurement.normals[contact])
         for name, axis in plan.plans.items()
-        if axis.open_loop and not name.is_rotation and (contact := plan.contact_of(name))
+        if axis.open_loop and not name.is_rotation and (contact := plan.contacts.of(name))
     }
 
 
@@ -90,7 +90,7 @@ def integrals(
     context = plan.context
     gains, table = plan.gains, measurement.table
     # What is held is touched, whatever little force passes.
-    touching = ca.SX(1) if plan.gripped else table["touching"]
+    touching = ca.SX(1) if plan.contacts.gripped else table["touching"]
     found = {}
     for name, force in forces.items():
         if not plan.plans[name].force or "force.integral" not in gains:

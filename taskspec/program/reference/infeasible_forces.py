@@ -14,7 +14,7 @@ from taskspec.program.slots import Slots
 from taskspec.spec import Law
 
 #: A limit that takes less than this from a force is rounding [N, N m].
-_NOTICED = 1e-6
+_FORCE_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class InfeasibleForces:
         """What a force integral grows by: nothing towards a force that limits are keeping away."""
         if name not in self.cut:
             return step
-        held_back = step * self.cut[name] < -_NOTICED * ca.fabs(step)
+        held_back = step * self.cut[name] < -_FORCE_ROUNDING * ca.fabs(step)
         return ca.if_else(held_back, 0, step)
 
     def size(self) -> ca.SX:

@@ -115,7 +115,7 @@ def measure(plan: StagePlan) -> Measurement:
     situation.joint_error = ca.SX(0)
     situation.start = parameters.add("entry", 3)
     situation.q, situation.v = inputs.q, inputs.v
-    situation.contact = plan.gap_contact
+    situation.contact = plan.contacts.of_gap
     situation.visits = {stage: inputs.now[2 + i] for i, stage in enumerate(task.stages)}
     kinds = {name: thing.kind for name, thing in task.world.items()}
     situation.objects = {
@@ -150,7 +150,8 @@ def measure(plan: StagePlan) -> Measurement:
             R_rate=at.R_rate,
         ),
         normals={
-            contact: _normal(context, contact, at, world, base, clock) for contact in plan.objects
+            contact: _normal(context, contact, at, world, base, clock)
+            for contact in plan.contacts.objects
         },
         rows=rows,
         reactions=measured,

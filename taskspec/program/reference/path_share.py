@@ -1,6 +1,6 @@
-"""How fast the time of a path goes that signals slow, as far as the file tells.
+"""How fast the time of a path goes that signals slow, as far as the file determines it.
 
-The rate u of the path's time is that of `slowed_path`: the speed that the signals ask for, as a
+The rate u of the path's time is that of `slowed_path`: the speed that the signals command, as a
 share of the greatest that the path is planned for.
 """
 
@@ -19,7 +19,7 @@ from taskspec.text.expression import Expression, FloatAlgebra, evaluate
 from taskspec.text.expression.tree import Name
 
 #: A time at which what rises with t has risen [s].
-_LATE = 60.0
+_SETTLED_TIME = 60.0
 
 
 def speeds(context: Context, stage: Stage, speed: Expression) -> Interval:
@@ -52,29 +52,33 @@ def least_share(context: Context, stage: Stage, path: PathShape | None) -> float
 def nominal_share(
     context: Context, stage: Stage, path: PathShape | None, known: KnownValues
 ) -> float:
-    """The rate of the path's time at nominal signals: its set points are felt, all else is 0.
+    """The rate of the path's time at nominal signals: its set points are measured, all else is 0.
 
     1 for a path that nothing slows.
     """
     if path is None or path.slowed is None:
         return 1.0
     assert path.speed is not None
-    felt = _felt(stage, known)
+    forces = _nominal_forces(stage, known)
 
     def nominal(name: Name) -> float:
         worth = _constant(context, name)
-        return felt.get(str(name).partition(" ")[0], 0.0) if worth is None else worth
+        return forces.get(str(name).partition(" ")[0], 0.0) if worth is None else worth
 
     value = evaluate(path.slowed.tree, FloatAlgebra(), nominal) / path.speed
     return min(max(value, 0.0), 1.0) if math.isfinite(value) else 0.0
 
 
-def _felt(stage: Stage, known: KnownValues) -> Mapping[str, float]:
+def _nominal_forces(stage: Stage, known: KnownValues) -> Mapping[str, float]:
     """What the stage's set points make of signals."""
-    found = {"t": _LATE, "clock": _LATE}
+    found = {"t": _SETTLED_TIME, "clock": _SETTLED_TIME}
     for axis, entry in stage.axes.items():
         force = entry.set_point
-        value = None if force is None else known(force.wanted, {"t": _LATE, "clock": _LATE})
+        value = (
+            None
+            if force is None
+            else known(force.wanted, {"t": _SETTLED_TIME, "clock": _SETTLED_TIME})
+        )
         if value is not None:
             found[f"{axis.effort}.{axis}"] = value
     if any(found.get(f"force.{a}") for a in "xyz"):

@@ -116,7 +116,7 @@ def _updates(
     )
     if plan.frame.tracking is not None:
         force, velocity = measurement.inputs.wrench[:3], measurement.tool.velocity
-        now = tracked_frames.felt(plan.frame, force, velocity)
+        now = tracked_frames.tracked(plan.frame, force, velocity)
         period = plan.context.period
         updates |= tracked_frames.updates(plan.frame, measurement.memory, now, period)
     for motion in motions.values():

@@ -17,14 +17,14 @@ from taskspec.signals import ObjectState
 
 @dataclass(frozen=True, slots=True)
 class TrackedMechanism:
-    """A mechanism's coordinate, told from the tool.
+    """A mechanism's coordinate, computed from the tool.
 
     Attributes:
         mechanism: its geometry.
         angle: [rad], with whole turns counted since the run began.
         since: the angle at which the stage was entered.
         rate: of the angle [rad/s].
-        travel: way along the axis [m].
+        travel: along the axis [m].
     """
 
     mechanism: MechanismModel
@@ -88,5 +88,5 @@ def mechanism_state(
     mechanism, applied = tracked.mechanism, opposite(wrench)
     effort = mechanism.effort(terms.p, applied[:3], applied[3:])
     angle = tracked.angle if mechanism.angular else None
-    state = ObjectState(mechanism.kind, coordinate=angle, way=tracked.travel, effort=effort)
+    state = ObjectState(mechanism.kind, coordinate=angle, travel=tracked.travel, effort=effort)
     return {held: state}

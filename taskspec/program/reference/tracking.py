@@ -24,7 +24,7 @@ class Tracking:
 
     Attributes:
         error: e = x_d - x [m, rad]; zero on axes without a motion reference.
-        velocity, acceleration: the twist that the reference asks of the control point, and the
+        velocity, acceleration: the reference twist of the control point, and the
             rate of its components, in frame axes [m/s, rad/s, ...].
         updates: memory after this tick.
     """
@@ -89,7 +89,7 @@ def _rotations(on: Coordinates, motions: Mapping[Axis, AxisReference], out: Trac
         frame_rate = on.at.turning(_way(on, motions))
         frame_acceleration = on.clock.total_rate(frame_rate, on.terms)
     elif on.frame.kind == "tracking":
-        # What is felt or the motion turns it: how that goes on is not known.
+        # The measured force or the motion turns it: how that goes on is not known.
         frame_rate = on.at.turning(ca.SX.zeros(3))
     elif on.frame.kind == "turning":
         frame_rate, frame_acceleration = _handle_rate(on, motions)
@@ -139,9 +139,9 @@ def _velocity_map(on: Coordinates) -> ca.SX:
 
 
 def _handle_rate(on: Coordinates, motions: Mapping[Axis, AxisReference]) -> tuple[ca.SX, ca.SX]:
-    """Angular velocity (3,) and acceleration (3,) that the references ask of the frame.
+    """Angular velocity (3,) and acceleration (3,) that the references command for the frame.
 
-    Where nothing commands the way along the circle, the measured rate takes its place, and
+    Where nothing commands the motion along the circle, the measured rate takes its place, and
     the acceleration is not known.
     """
     mechanism, placed = on.frame.mechanism, ca.DM(on.frame.rotation)
@@ -182,7 +182,7 @@ def _carried(
         out.updates[f"last.{a}"] = motions[a].value if a in motions else ca.SX(0)
     out.updates["place"] = here
     for a in AXES[:3]:
-        out.updates[f"way.{a}"] = on.position.get(a, ca.SX(0))
+        out.updates[f"distance.{a}"] = on.position.get(a, ca.SX(0))
     wanted = _point_velocity(on, motions, spin)
     wanted_rate = on.clock.total_rate(wanted, on.terms) if following else on.clock.rate(wanted)
     for name in names:
@@ -241,8 +241,8 @@ def rotation_rate(
 ) -> ca.SX:
     """Angular velocity (3,) of the rotation vector theta(t).
 
-    It equals theta' as long as at most one axis is told to turn: the decay of the others at entry
-    keeps its direction.
+    It equals theta' as long as at most one axis is commanded to turn: the decay of the others at
+    entry keeps its direction.
     """
     if sum(motions[name].mode.moves for name in names) < 2:
         return theta_rate

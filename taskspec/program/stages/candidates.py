@@ -1,4 +1,4 @@
-"""The function that looks at the coordinates that constraints may decide, (4.80)."""
+"""The function that compares the coordinates that constraints may decide, (4.80)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.stages.commanded import Commanded
 
 #: Coordinates are chosen again when an exchange would make their minor so many times as large. As
-#: many times is an error of the reference along a normal felt by those that are kept.
+#: many times is an error of the reference along a normal larger in those that are kept.
 WORN = 1.5
 
 
@@ -18,7 +18,7 @@ class Choice:
 
     Attributes:
         look: the tick's inputs -> J_phi on the candidates (m, c), weighted by how readily each
-            gives way, q'' that the motion loops ask for (n,), and q'' that keeps the constraints
+            yields, q'' that the motion loops command (n,), and q'' that keeps the constraints
             (n,).
         least: conditioning below which they are chosen again.
     """

@@ -1,7 +1,7 @@
-"""The torque that the last stage's law asked for and this one's does not, as it fades.
+"""The difference of the last stage's torque to this one's, as it fades.
 
-Two laws ask for different torques of the same measurement. The difference as a stage begins, D, is
-added to what its law asks for, and fades,
+Two laws command different torques for the same measurement. The difference as a stage begins, D, is
+added to what its law commands, and fades,
 
     u = u_law + D max(0, 1 - t/T_f),    T_f = max|D_j| / (1000 N m/s),
 

@@ -1,4 +1,4 @@
-"""What a stage's law asks for: its references, its constraints, and the torque of its equation."""
+"""The command of a stage's law: its references, its constraints, and the torque of its equation."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from taskspec.program.stages.null_space import null_space_acceleration
 
 @dataclass(frozen=True, slots=True)
 class Commanded:
-    """What the law of a stage asks for, as expressions.
+    """The command of a stage's law, as expressions.
 
     Attributes:
         references: as the law sees them.
         forces: set points and integrals of the equations.
         chosen: what constrains the stage under a law with multipliers, else None.
         case: what the law was filled in with.
-        asked: (n,) torque of its closed form [N m].
+        closed_form: (n,) torque of its closed form [N m].
         torque: (n,) the same with what is left of the last stage's.
         conditions: that come with the angles in which the law is stated.
     """

@@ -21,9 +21,10 @@ from taskspec.spec import Limits, Stage
 from taskspec.text.expression import Expression
 from taskspec.text.units import LENGTH, TIME, show
 
-#: Below this pivot of J H^-1 J^T [1/kg, 1/(kg m^2)] an axis feels like ten tonnes: singular.
+#: Below this pivot of J H^-1 J^T [1/kg, 1/(kg m^2)] an axis has an effective mass of ten tonnes:
+#: singular.
 SINGULAR = 1e-4
-#: An axis that feels a hundredth of the mass that stops the run is near a singularity.
+#: An axis with a hundredth of the effective mass that stops the run is near a singularity.
 NEAR_SINGULAR = 100 * SINGULAR
 _SLACK = 1e-9
 
@@ -149,7 +150,7 @@ def stage_conditions(plan: StagePlan, measurement: Measurement, period: float) -
 
 
 def _by_way(stage: Stage, end: Condition, measurement: Measurement) -> Iterator[Condition]:
-    """An end as one event for each way on: of those that hold, the first one counts."""
+    """An end as one event for each branch: of those that hold, the first one counts."""
     for number, branch in enumerate(stage.next[:-1]):
         assert branch.when is not None
         text = f"{end.event.text}; {branch.when}"

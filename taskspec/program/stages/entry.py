@@ -39,7 +39,7 @@ class StageEntry:
         gains: names and axes of the gains that are parameters, in the order of theirs.
         cubics: parameters that are pieces of its moves and of its path's timing, by the number of
             pieces that each has, in the order of the last result.
-        path: of a table, timed as the file tells; None for any other.
+        path: of a table, timed as the file says; None for any other.
     """
 
     function: ca.Function
@@ -99,7 +99,7 @@ class Entering:
         self.handed = ca.SX.sym("handed", sum(length for _, length in HANDED))
         handed = {name: self.handed[where] for name, where in slices(HANDED).items()}
         self.p_ref, self.R_ref = handed["p"], ca.reshape(handed["R"], 3, 3)
-        self.held, self.asked = handed["held"], handed["asked"]
+        self.held, self.commanded = handed["held"], handed["commanded"]
         self.angle, self.same = handed["angle"], handed["same"]
         self.followed, self.follows = handed["track"], handed["tracks"]
         # From here on the reference's velocity is that against what carries the frame.
@@ -211,7 +211,7 @@ class Entering:
             same = self.follows == tracked_frames.NUMBERS[frame.tracking.of]
             begun = ca.if_else(same, self.followed, tracked_frames.begun(frame, R))
             for i, slot in enumerate(
-                (tracked_frames.FELT, tracked_frames.DIRECTION, tracked_frames.RATE)
+                (tracked_frames.FILTERED, tracked_frames.DIRECTION, tracked_frames.RATE)
             ):
                 self._remember(slot, begun[3 * i : 3 * i + 3])
         if frame.surface is not None:
@@ -258,7 +258,7 @@ class Entering:
             start[name] = probed["coordinate"][i] + error[name] if i < 3 else ca.SX(0)
             rate[name] = turning[i - 3] if axis.world else rates[i]
             if axis.force and not axis.mode.moves:
-                # Braking a reference that nothing asks for would push with the loop's damper.
+                # Braking a reference that nothing commands would push with the loop's damper.
                 rate[name] = ca.SX(0)
         return _Continuation(error, start, rate, self._pressed())
 
@@ -279,10 +279,10 @@ class Entering:
 
     def _forces(self, going: _Continuation) -> None:
         """Set points rise from the measured force; held forces fade where motion takes over."""
-        held, asked = self._local(self.held), self._local(self.asked)
+        held, commanded = self._local(self.held), self._local(self.commanded)
         for name, axis in self.plan.plans.items():
             i = AXES.index(name)
-            self._write(kept_slot(name), asked[i])
+            self._write(kept_slot(name), commanded[i])
             if axis.set_point:
                 self._write(f"force_at_entry.{name}", self.probed["measured"][i])
             elif axis.yields or axis.soft:

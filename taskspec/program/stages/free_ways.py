@@ -12,17 +12,17 @@ from taskspec.laws.mechanism_form import damping_rate
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement
 
-#: A motion axis drives a way of the mechanism if at least this share of it is along the axis.
+#: A motion axis drives a direction of the mechanism if at least this share of it is along the axis.
 _DRIVES = 0.1
 
 
 def free_ways(plan: StagePlan, measurement: Measurement) -> FreeWays:
-    """The ways of the mechanism that a stage holds, at its control point now.
+    """The free directions of the mechanism that a stage holds, at its control point now.
 
     Which of them its motion axes drive is decided at the start pose.
     """
     context, point = plan.context, measurement.point
-    mechanism = context.mechanisms[plan.held]
+    mechanism = context.mechanisms[plan.contacts.held]
     R = measurement.at.R.T
     rows = [a.row for a in plan.axes]
     T = (ca.diagcat(R, R) @ mechanism.twists(point.p - point.offset, point.p))[rows, :]
@@ -31,10 +31,10 @@ def free_ways(plan: StagePlan, measurement: Measurement) -> FreeWays:
 
 
 def _driven(plan: StagePlan) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(k, d), (k, o) what of the mechanism's k ways motion axes drive, and what they do not."""
+    """(k, d), (k, o) of the mechanism's k directions: driven by motion axes, and not driven."""
     context = plan.context
-    mechanism = context.mechanisms[plan.held]
-    twists = mechanism.free_twists(context.start_p, context.start_p + plan.lever)
+    mechanism = context.mechanisms[plan.contacts.held]
+    twists = mechanism.free_twists(context.start_p, context.start_p + plan.kinematics.lever)
     lengths = np.array([1.0] * 3 + [ARM_LENGTH] * 3)[:, None]
     ways = lengths * (np.kron(np.eye(2), plan.rotation.T) @ twists)
     size = np.linalg.norm(ways, axis=0)

@@ -64,10 +64,10 @@ def _leaving(
     names = (*(name for name, _ in HANDED if name in places), *_LEFT)
     at = {name: outputs[places[name]] for name in names}
     R, frame = (ca.reshape(at[name], 3, 3) for name in ("tip_rotation", "frame"))
-    error, twist, held, asked = (ca.SX.zeros(6) for _ in range(4))
+    error, twist, held, commanded = (ca.SX.zeros(6) for _ in range(4))
     for i in axes:
         if i in forced:
-            held[i], asked[i] = at["force"][i], at["force_ref"][i]
+            held[i], commanded[i] = at["force"][i], at["force_ref"][i]
         error[i] = at["error"][i] if i in tracked else 0.0
         twist[i] = at["velocity_ref" if i in tracked else "velocity"][i]
     offset = at["offset"]
@@ -81,7 +81,7 @@ def _leaving(
         "R": ca.vec(R_ref),
         "twist": own,
         "held": ca.vertcat(frame @ held[:3], frame @ held[3:]),
-        "asked": ca.vertcat(frame @ asked[:3], frame @ asked[3:]),
+        "commanded": ca.vertcat(frame @ commanded[:3], frame @ commanded[3:]),
         "angle": at["angle"],
         "same": ca.SX(0),
         "track": at["track"],

@@ -1,4 +1,4 @@
-"""What a stage's functions put out: the tick's outputs, and what a stage start asks for."""
+"""What a stage's functions put out: the tick's outputs, and what a stage start needs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def probe(arguments: list[ca.SX], measurement: Measurement, commanded: Commanded
 
     Its outputs are the numbers of `PROBE` and the measured reactions (equations,).
     """
-    way, at, base = ca.SX.sym("way", 3), measurement.at, measurement.moving_base
+    direction, at, base = ca.SX.sym("direction", 3), measurement.at, measurement.moving_base
     six = commanded.references.six
     values = {
         "frame": ca.vec(_world(at.R, base)),
@@ -33,13 +33,15 @@ def probe(arguments: list[ca.SX], measurement: Measurement, commanded: Commanded
         "lever": _world(measurement.tool.lever if at.foot is not None else ca.SX.zeros(3), base),
         "here": measurement.point.p if at.foot is None else at.foot,
         "rate_map": ca.vec(at.rate_map),
-        "turning": at.turning(way if base is None else base.A.T @ way),
+        "turning": at.turning(direction if base is None else base.A.T @ direction),
         "angle": _angle(measurement.tracked),
         "coordinate": six(commanded.references.coordinate),
         "measured": six(measurement.table.situation.six("force")),
     }
     found = [values[name] for name, _ in PROBE]
-    return ca.Function("probe", [*arguments, way], [ca.vertcat(*found, _reactions(measurement))])
+    return ca.Function(
+        "probe", [*arguments, direction], [ca.vertcat(*found, _reactions(measurement))]
+    )
 
 
 def outputs(
@@ -125,7 +127,7 @@ def _world(local: ca.SX, base: BaseMotion | None) -> ca.SX:
 
 def _track(measurement: Measurement) -> ca.SX:
     """(9,) what a frame that tracks something has in its memory; zero for any other."""
-    slots = (tracked_frames.FELT, tracked_frames.DIRECTION, tracked_frames.RATE)
+    slots = (tracked_frames.FILTERED, tracked_frames.DIRECTION, tracked_frames.RATE)
     if not measurement.tracks:
         return ca.SX.zeros(9)
     return ca.vertcat(*(measurement.memory.symbol(slot) for slot in slots))

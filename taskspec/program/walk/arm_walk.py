@@ -1,8 +1,8 @@
-"""The arm's way through the stages of a task: where each ends, and what comes in its way.
+"""The arm's trajectory through the stages of a task: where each ends, and what stops it.
 
 References are laid from rest, the tool is carried along them by the frame, the surface or the
 mechanism that it holds, and the joints follow. A stage ends as its guard, its bounds and its moves
-say, as far as that can be told without a measured force.
+say, as far as that is known without a measured force.
 """
 
 from __future__ import annotations
@@ -39,21 +39,21 @@ from taskspec.text.expression.tree import Held, Name, Reduce, walk
 
 Vector = NDArray[np.float64]
 
-#: A stage that nothing bounds is looked at for so long [s].
+#: A stage that nothing bounds is sampled for so long [s].
 _HORIZON = 60.0
-#: Instants at which references are looked at.
+#: Instants at which references are sampled.
 _FINE = 240
-#: A way is cut into pieces of this length [m, rad times the arm's length],
+#: A trajectory is cut into pieces of this length [m, rad times the arm's length],
 _PIECE = 0.012
 #: of which there are so many.
-_FEWEST, _MOST = 10, 48
+_FEWEST_PIECES, _MOST_PIECES = 10, 48
 #: What a mechanism bears while it moves is friction, damping and what starts it, up to this share
 #: more; a guard that compares with more waits for the stop.
 _BEARS = 2.0
 #: A rate is blended in with up to this share of it more than evenly: 6 s (1 - s) at its middle.
 _STEEPEST = 1.5
 _NARROWINGS = 12
-#: A rotation is not told from the opposite one beyond this [rad].
+#: A rotation is ambiguous with the opposite one beyond this [rad].
 _HALF_TURN = 0.95 * math.pi
 #: Added to that, for what the arm's errors make [N]: of a moment, at the lever of handle or grip.
 _AT_LEAST = 1.0
@@ -123,7 +123,7 @@ class ArmWalk:
         return self._go(stage, tool_motion, arm, motion, guard, horizon, way)
 
     def _tool_motion(self, stage: StagePlan, p: Vector, R: Vector) -> ToolMotion | None:
-        """What carries the tool; None where that cannot be told."""
+        """What carries the tool; None where that is unknown."""
         if self._context.loaded.task.robot.grasp is not None:
             if not self._context.held or _driven_by_force(stage):
                 return None
@@ -225,7 +225,7 @@ def _ended(
 def _driven_by_force(stage: StagePlan) -> bool:
     """Whether a force of a stage, which is not zero or not known, may move what is held."""
     for axis, entry in stage.spec.axes.items():
-        if entry.has_force and stage.set_point_of(axis) != 0.0:
+        if entry.has_force and stage.set_points.of(axis) != 0.0:
             return True
     return False
 
@@ -245,7 +245,7 @@ def _horizon(stage: StagePlan, motion: ReferenceMotion, lasts: float | None) -> 
 def _times(
     motion: ReferenceMotion, horizon: float
 ) -> tuple[Vector, list[dict[Axis, float]], list[int], list[float]]:
-    """Times, displacements then, those that cut the way into pieces, and how much faster each gets.
+    """Times, displacements then, those that begin a piece, and how much faster each gets.
 
     Faster, that is, than its mean.
     """
@@ -259,7 +259,7 @@ def _times(
     at = np.where(np.isfinite(at), at, 0.0)
     steps = np.linalg.norm(np.diff(at, axis=0), axis=1)
     gone = np.concatenate([[0.0], np.cumsum(steps)])
-    pieces = int(np.clip(math.ceil(gone[-1] / _PIECE), _FEWEST, _MOST))
+    pieces = int(np.clip(math.ceil(gone[-1] / _PIECE), _FEWEST_PIECES, _MOST_PIECES))
     # Half of the time itself keeps pieces short where references start and end.
     measure = gone / max(gone[-1], 1e-12) + 0.5 * fine / max(horizon, 1e-12)
     marks = np.searchsorted(measure, np.linspace(0.0, measure[-1], pieces + 1))
@@ -314,7 +314,7 @@ def _travelled(stage: StagePlan, way: list[Instant]) -> float | None:
 
 
 class _Guard:
-    """What `until` of a stage is worth on its way."""
+    """The value of `until` of a stage along its trajectory."""
 
     def __init__(
         self,
@@ -328,12 +328,12 @@ class _Guard:
         self._node = tree.x if isinstance(tree, Held) else tree
         self._stage, self._motion, self._start, self._first = stage, motion, start, first
         self._context = stage.context
-        #: What looks back on what has been is not followed.
+        #: What depends on the past is not followed.
         self._pointwise = not any(isinstance(part, Held | Reduce) for part in walk(self._node))
         self._algebra = IntervalAlgebra()
 
     def at(self, here: Instant, tool_motion: ToolMotion) -> Interval:
-        """Whether it holds at an instant, as far as that can be told there."""
+        """Whether it holds at an instant, as far as that is known there."""
         if not self._pointwise:
             return Interval(0.0, 1.0)
         known = self._signals(here) | self._effort(here, tool_motion)
@@ -353,7 +353,7 @@ class _Guard:
         return natural(found)
 
     def _signals(self, here: Instant) -> dict[str, Interval]:
-        """What the references and the arm's geometry tell."""
+        """Signals that follow from the references and the arm's geometry."""
         found = {"t": point(here.time)}
         found["travel"] = point(float(np.linalg.norm(here.p - self._first.p)))
         found |= {f"joint.{i + 1}.position": point(float(x)) for i, x in enumerate(here.q)}

@@ -1,4 +1,4 @@
-"""The rates that one stage's reference hands on to the next, as far as the text tells them."""
+"""The rates that one stage's reference hands on to the next, as far as the text determines them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def twist_of(rates: Mapping[Axis, float], rotation: Vector) -> Vector:
 def rates_of(stage: StagePlan, rotation: Vector, twist: Vector) -> dict[Axis, float]:
     """Rates at which a stage's axes are handed over, of a (6,) twist in world axes [m/s, rad/s].
 
-    Braking a reference that nothing asks for would push with the loop's damper: a force alone
+    Braking a reference that nothing commands would push with the loop's damper: a force alone
     begins at rest.
     """
     local = np.concatenate([rotation.T @ part for part in np.split(twist, 2)])

@@ -35,7 +35,7 @@ _STEPS = 1000
 _HORIZON = 60.0
 #: An axis that has less of the pseudoinverse's row does not drive the mechanism alone.
 _ALONE = 0.9
-#: From here on a moment at the joints does not tell what an axis is damped with.
+#: From here on a moment at the joints does not determine the damping of an axis.
 _SINGULAR = 1e8
 
 
@@ -105,7 +105,7 @@ def held_drive(stage: StagePlan) -> HeldDrive | None:
 def _loop(stage: StagePlan, inertia: float, damping: float, moved: list[Axis]) -> _Loop | None:
     law, context = stage.law.control_law, stage.context
     model = context.mechanisms[context.held]
-    twists = model.free_twists(context.start_p, context.start_p + stage.lever)
+    twists = model.free_twists(context.start_p, context.start_p + stage.kinematics.lever)
     T = np.kron(np.eye(2), stage.rotation.T) @ twists
     form = stage.consistent and (law.selects or law.force_loop)
     if not form and law.force_loop and not law.natural:
@@ -130,7 +130,7 @@ def _springs(stage: StagePlan, T: Vector, inside: Vector) -> _Loop | None:
     law = stage.law.control_law
     gains = {a: on_axis(stage.gains, a) for a in stage.axes}
     # An apparent mass stands for the arm's own inertia.
-    L = stage.task_inertia
+    L = stage.kinematics.task_inertia
     if not (law.natural or stage.consistent):
         L = np.diag([gains[a]["mass"] if a in gains else 0.0 for a in AXES])
     K, on_error, drag = np.zeros(6), np.zeros(6), np.zeros((6, 6))
@@ -153,13 +153,13 @@ def _springs(stage: StagePlan, T: Vector, inside: Vector) -> _Loop | None:
     wrench = np.diag(K)[:3], error[:3], L[:3] * accelerates
     moves = -wrench[0] @ inside, -wrench[1] @ inside - drag[:3] @ T, -L[:3] @ T
     loop = _Loop(T.T @ L @ T, damper, pull[0] @ inside, pull, wrench, moves)
-    # As the arm turns with a mechanism, damped joints press across its way with something else.
+    # As the arm turns with a mechanism, damped joints press across its motion with something else.
     turns = law.damps_joints and stage.context.mechanisms[stage.context.held].angular
     return replace(loop, references=None) if turns else loop
 
 
 def _form(stage: StagePlan, T: Vector, inside: Vector, moved: list[Axis]) -> _Loop | None:
-    """The form for a held mechanism, whose one way one axis drives (`laws.mechanism_form`).
+    """The form for a held mechanism, whose one direction one axis drives (`laws.mechanism_form`).
 
     F = L T s'' + S_m^T M_mm^-1 K_P (e - T T_m^+ e_m),
     s'' = T_m^+ (x''_d + K_P e + K_D (x_d' - T s')).
@@ -184,9 +184,9 @@ def _form(stage: StagePlan, T: Vector, inside: Vector, moved: list[Axis]) -> _Lo
     inverse = size[i] ** 2 * way[i] / float(np.sum((size * way) ** 2))
     if inverse * way[i] < _ALONE:
         return None  # What the references of its other axes do decides with it.
-    L = float(T[:, 0] @ stage.task_inertia @ T[:, 0])
+    L = float(T[:, 0] @ stage.kinematics.task_inertia @ T[:, 0])
     held = (np.arange(len(rows)) == i) - way * inverse
-    works = float(way @ np.linalg.solve(stage.mobility[np.ix_(rows, rows)], held))
+    works = float(way @ np.linalg.solve(stage.kinematics.mobility[np.ix_(rows, rows)], held))
     one = np.zeros((1, 6))
     one[0, axis.row] = 1.0
     pull = (L * inverse + works) * K_P * one, L * inverse * K_D * one, L * inverse * one
@@ -205,7 +205,7 @@ def _joint_damper(stage: StagePlan) -> Vector | None:
     damping = np.array([g.value for g in stage.gains["joint_damping"].values()]) + own
     if not (damping > 0).all():
         return None
-    J = stage.jacobian[rows]
+    J = stage.kinematics.jacobian[rows]
     mobility = J / damping @ J.T
     if np.linalg.cond(mobility) > _SINGULAR:
         return None
@@ -236,7 +236,7 @@ def _followed(loop: _Loop, pulled: Vector, friction: float, step: float) -> Vect
 
 
 def _one(loop: _Loop, pulled: Vector, friction: float, step: float) -> Vector:
-    """(1, n) the same of one way."""
+    """(1, n) the same of one direction."""
     m, d, k = (float(each[0, 0]) for each in (loop.M, loop.D, loop.K))
     m, a = m / step, 1 / (m / step + d + step * k)
     x = v = 0.0

@@ -130,7 +130,7 @@ def resolved_twists(stage: StagePlan, tip: Vector, rotation: Vector) -> Vector:
     """
     context = stage.context
     mechanism = context.mechanisms[context.held]
-    T = mechanism.free_twists(tip, tip + rotation @ stage.rotation.T @ stage.lever)
+    T = mechanism.free_twists(tip, tip + rotation @ stage.rotation.T @ stage.kinematics.lever)
     axis = mechanism.rotation[:, 2]
     if stage.frame.mechanism is not None:
         T = T.copy()

@@ -15,7 +15,7 @@ from taskspec.robot import RobotModel
 
 Vector = NDArray[np.float64]
 
-#: Instants at which a path is looked at.
+#: Instants at which a path is sampled.
 _INSTANTS = 61
 
 
@@ -78,7 +78,7 @@ def joint_passage(stage: StagePlan, start: Vector) -> Passage:
     path, robot = stage.joint_path, stage.context.robot
     assert path is not None
     data, still = robot.pin.createData(), dict.fromkeys(AXES, 0.0)
-    tip, frame = robot.pin.getFrameId("tip"), stage.frame_at_tool
+    tip, frame = robot.pin.getFrameId("tip"), stage.kinematics.frame_at_tool
     inside = np.kron(np.eye(2), frame.T)
     way: list[Instant] = []
     for state in joint_states(path, start):

@@ -1,4 +1,4 @@
-"""Where the tool is expected to be in each stage, as far as the text of a task tells."""
+"""Where the tool is expected to be in each stage, as far as the text of a task determines it."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from taskspec.text.units import show
 
 Vector = NDArray[np.float64]
 
-#: Nearer than this, a stage begins at its surface; farther away nothing is felt [m].
+#: Nearer than this, a stage begins at its surface; farther away nothing is measured [m].
 AT_SURFACE = 0.5e-3
-#: Drawn configurations from which a place that seems out of reach is looked for once more.
+#: Drawn configurations from which a place that seems out of reach is searched once more.
 _RESTARTS = 10
-#: Places of one task that are looked for so; the time that a task takes to check is bounded by it.
+#: Places of one task that are searched so; the time that a task takes to check is bounded by it.
 _SEARCHES = 8
 #: Slower than this is what rounding makes of an axis that is held [m/s, rad/s].
-_STILL = 1e-6
+_RATE_ROUNDING = 1e-6
 #: Of a difference quotient, as a share of the duration.
 _STEP = 1e-4
 
@@ -47,8 +47,8 @@ def _missed(error: Vector) -> str:
 class NominalWalk:
     """Goes through the stages in the order of the file, from the start pose.
 
-    Stages that press, or move towards their surface until something is felt, close the gap along
-    their way; planned motions end where they lead. What ends by other guards, turns with a
+    Stages that press, or move towards their surface until a force is measured, close the gap along
+    their path; planned motions end where they lead. What ends by other guards, turns with a
     mechanism or follows a curved surface leaves the place unknown for the stages after it.
     """
 
@@ -74,7 +74,7 @@ class NominalWalk:
         self._context = stage.context
         if stage.joint_path is not None:
             return self._in_joints(stage)
-        rotation = stage.frame_at_tool
+        rotation = stage.kinematics.frame_at_tool
         gap = self._gap_of(stage)
         self._touch(stage, rotation)
         start = self._p if self._known else None
@@ -104,7 +104,7 @@ class NominalWalk:
     def _in_joints(self, stage: StagePlan) -> Nominal:
         """The nominal trajectory of a path of joints, at whose end the arm is known again."""
         arm = self._arm
-        rotation, gap = stage.frame_at_tool, self._gap_of(stage)
+        rotation, gap = stage.kinematics.frame_at_tool, self._gap_of(stage)
         start = self._p if self._known else None
         q = arm.q if arm.known else self._joints(self._p, self._R)[0]
         passage = None if q is None else joint_passage(stage, q)
@@ -143,10 +143,10 @@ class NominalWalk:
         fast = next((i for i in on_way if np.any(np.abs(i.v) > robot.velocity_limit)), None)
         swift = next((i for i in on_way if np.linalg.norm(i.twist[:3]) > speed), None)
         stiff = next((i for i in on_way if i.pivot < NEAR_SINGULAR), None)
-        looked = {i.time: i for i in (fast, swift, stiff) if i is not None}
-        for _, i in sorted(looked.items()):
+        instants = {i.time: i for i in (fast, swift, stiff) if i is not None}
+        for _, i in sorted(instants.items()):
             rates = {a: float(i.twist[a.row]) for a in stage.axes}
-            rates = {a: rate if abs(rate) > _STILL else 0.0 for a, rate in rates.items()}
+            rates = {a: rate if abs(rate) > _RATE_ROUNDING else 0.0 for a, rate in rates.items()}
             yield Place(i.words, i.frame, i.q, {} if i is stiff else rates)
 
     @property
@@ -154,7 +154,7 @@ class NominalWalk:
         return self._context.loaded.task.robot.grasp is not None
 
     def _meet(self, stage: StagePlan, passage: Passage | None) -> None:
-        """Where the arm ends is where the tool is, if nothing else tells that."""
+        """Where the arm ends is where the tool is, if nothing else determines that."""
         arm = self._arm
         if self._jumps(stage):
             arm.known = False
@@ -174,7 +174,7 @@ class NominalWalk:
         return frame.surface is None or frame.surface.flat
 
     def _to_surface(self, stage: StagePlan) -> bool:
-        """Whether the way to the surface is straight: also along the normal of a curved one."""
+        """Whether the path to the surface is straight: also along the normal of a curved one."""
         follows = stage.frame.surface is not None and stage.moving_base is None
         return self._straight(stage) or (
             follows and list(moving_axes(stage.spec)) == ["z"] and not stage.frame.at_origin
@@ -215,10 +215,10 @@ class NominalWalk:
 
     def _touch(self, stage: StagePlan, rotation: Vector) -> None:
         """Closes the gap of a stage that presses on its surface."""
-        contact, axes = stage.contact, stage.spec.axes
+        contact, axes = stage.contacts.main, stage.spec.axes
         if contact is None or not any(a.has_force for a in axes.values()):
             return
-        normal = stage.normal_of(contact)
+        normal = stage.contacts.normal(contact)
         gap = self._gap(stage, contact)
         along = max((abs(rotation[:, a.column] @ normal), a) for a in axes)
         if gap > 0 and axes[along[1]].has_force:
@@ -226,7 +226,7 @@ class NominalWalk:
 
     def _gap_of(self, stage: StagePlan) -> float | None:
         """Distance [m] from the contact of a stage as it starts; None where unknown."""
-        contact = stage.contact
+        contact = stage.contacts.main
         if contact is None or not self._known or contact in self._context.moving_bases:
             return None
         return self._gap(stage, contact)
@@ -234,7 +234,7 @@ class NominalWalk:
     def _gap(self, stage: StagePlan, contact: str) -> float:
         """Distance [m] from a contact here, its surface taken as flat where it faces the start."""
         context = self._context
-        if stage.normal_of(contact) is not context.start_normals[contact]:
+        if stage.contacts.normal(contact) is not context.start_normals[contact]:
             return context.obstacles.gap(contact, self._p, self._R)
         way = float(context.start_normals[contact] @ (self._p - context.start_p))
         return context.start_gaps[contact] + way
@@ -257,7 +257,7 @@ class NominalWalk:
             q, missed = self._joints(p, R)
             yield Place(words, turned, q, dict(rates) | speeds, missed)
             if missed:
-                self._known = False  # What comes after it would only be told again.
+                self._known = False  # What comes after it would only be reported again.
                 return
 
     def _start_coordinates(self, stage: StagePlan) -> dict[Axis, float]:
@@ -288,7 +288,7 @@ class NominalWalk:
         if self._straight(stage) and not jumps:
             self._twist = twist_of(rates_at_end(stage, course), rotation)
         if moved and stage.spec.repeat > 1 and any(moved.values()):
-            moved = None  # Where it ends the last time depends on how it turns on the way.
+            moved = None  # Where it ends the last time depends on how it turns meanwhile.
         if moved is None or jumps or not all(map(math.isfinite, moved.values())):
             self._known = False
         elif any(moved.values()):
@@ -311,7 +311,7 @@ class NominalWalk:
 
     def _until_contact(self, stage: StagePlan, rotation: Vector) -> dict[Axis, float] | None:
         """Displacement of a stage that moves towards its surface until a guard ends it."""
-        contact = stage.approached
+        contact = stage.contacts.approached
         if contact is None or stage.spec.until is None or not self._to_surface(stage):
             return None
         rates: dict[Axis, float] = {}
@@ -321,7 +321,7 @@ class NominalWalk:
                 return None
             rates[axis] = rate
         v = rotation @ [rates.get(a, 0.0) for a in AXES[:3]]
-        closing = -float(stage.normal_of(contact) @ v)
+        closing = -float(stage.contacts.normal(contact) @ v)
         if closing <= PASSING * float(np.linalg.norm(v)):
             return None
         lasts = max(self._gap(stage, contact), 0.0) / closing

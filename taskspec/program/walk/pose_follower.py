@@ -1,7 +1,7 @@
 """The arm along a nominal trajectory: joint positions that go on from the last ones.
 
-Unlike inverse kinematics, which looks for any solution, this keeps to the branch that the arm is
-on: joints wind up past half a turn, go beyond their limits if the trajectory asks for it, and what
+Unlike inverse kinematics, which searches any solution, this keeps to the branch that the arm is
+on: joints wind up past half a turn, go beyond their limits if the trajectory requires it, and what
 the task leaves free goes where the law's null space takes it.
 """
 
@@ -24,11 +24,11 @@ from taskspec.robot.poses import mirrored
 Vector = NDArray[np.float64]
 
 #: The pose counts as taken at this error [m, rad].
-_TAKEN = 1e-6
+_POSE_TOLERANCE = 1e-6
 #: One that is missed by more than this is out of reach [m, rad].
-_REACHED = 1e-4
+_LARGEST_POSE_ERROR = 1e-4
 _ITERATIONS = 30
-_RENEWED = 3
+_ITERATIONS_PER_MOBILITY = 3
 #: No joint goes farther in one iteration [rad, m].
 _STEP = 0.3
 #: A posture is gone to with this time constant [s]: critically damped, 2 / w.
@@ -41,7 +41,7 @@ class Taken:
 
     Attributes:
         q: (n,) joint positions.
-        pivot: the least pivot of J H^-1 J^T in the frame's axes [1/kg, 1/(kg m^2)], on the way.
+        pivot: the least pivot of J H^-1 J^T in the frame's axes [1/kg, 1/(kg m^2)], along the step.
         missed: (6,) by what the pose is missed [m, rad]; None where it is taken.
     """
 
@@ -88,11 +88,11 @@ class PoseFollower:
             at = self._tip_at(q)
             error = np.concatenate([p - at.translation, pin.log3(R @ at.rotation.T)])
             e = (inside @ error)[rows]
-            if share == 0.0 and math.sqrt(e @ e) < _TAKEN:
+            if share == 0.0 and math.sqrt(e @ e) < _POSE_TOLERANCE:
                 break
             try:
-                # Within a short way the arm's mobility hardly changes.
-                if i % _RENEWED == 0:
+                # Within a short step the arm's mobility hardly changes.
+                if i % _ITERATIONS_PER_MOBILITY == 0:
                     J, mobile, mobility = self._mobility(q, inside)
                     pivot = min(pivot, float(np.diag(np.linalg.cholesky(mobility)).min()) ** 2)
                 step = mobile @ np.linalg.solve(mobility, e)
@@ -105,7 +105,7 @@ class PoseFollower:
             q = q + step * min(1.0, _STEP / max(float(np.abs(step).max()), 1e-12))
         kept = np.zeros(6)
         kept[rows] = (inside @ error)[rows]
-        missed = float(np.linalg.norm(kept)) > _REACHED
+        missed = float(np.linalg.norm(kept)) > _LARGEST_POSE_ERROR
         return Taken(q, pivot, kept if missed else None)
 
     def _tip_at(self, q: Vector) -> pin.SE3:

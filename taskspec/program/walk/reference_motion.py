@@ -1,4 +1,4 @@
-"""How the references of a stage move against time, as far as the text tells it."""
+"""How the references of a stage move against time, as far as the text determines it."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _begun(
     start: Mapping[Axis, float],
     rates: Mapping[Axis, float],
 ) -> dict[Axis, Way]:
-    """Ways of references that continue the one handed over, as the modes hand it over."""
+    """Displacements of references that continue the one handed over, as the modes hand it over."""
     handed = {}
     for axis, (mode, way) in own.items():
         begins = way(0.0)
@@ -125,7 +125,7 @@ def _begun(
 
 
 def _since(way: Way) -> Way:
-    """The displacement from where a way begins."""
+    """The displacement from its first value."""
     begins = way(0.0)
     return lambda t: way(t) - begins
 
@@ -141,7 +141,7 @@ def _timed(path: PathShape, start: Mapping[Axis, float], share: float) -> tuple[
     """
     plan = path.plan(start)
 
-    @lru_cache(maxsize=1)  # its axes are asked for one after the other
+    @lru_cache(maxsize=1)  # its axes are computed one after the other
     def at(time: float) -> dict[Axis, float]:
         s = plan.timing(time * share)
         return {a: path.form.place(s, start, a) for a in path.axes}

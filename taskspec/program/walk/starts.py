@@ -1,7 +1,8 @@
 """Where an arm has room to start that its file leaves free: the yaw of the tool, and the elbow.
 
-The start nearest home is kept unless a joint comes within `_NEAR` of a limit along the stages, or
-the arm close to singular. Then the solution whose joints keep farthest from their limits is taken.
+The start nearest home is kept unless a joint comes within `_LIMIT_MARGIN` of a limit along the
+stages, or the arm close to singular. Then the solution whose joints keep farthest from their limits
+is taken.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from taskspec.text.diagnostic import SpecError
 Vector = NDArray[np.float64]
 
 #: A joint that stays farther from its limits has room [rad; of a slide, times the arm's length].
-_NEAR = math.radians(10.0)
-#: Yaws that are tried, and ways of the elbow along the null space [rad].
+_LIMIT_MARGIN = math.radians(10.0)
+#: Yaws that are tried, and motions of the elbow along the null space [rad].
 _YAWS = 8
 _ELBOWS = (0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
 #: Ends of a stage that stop a run.
@@ -46,7 +47,7 @@ def roomiest(plan: Callable[[], TaskPlan], start_at: Callable[[Vector], TaskPlan
     own = room(task)
     if own is None:
         return plan()  # It could not be followed: what is wrong with it is for the rules to say.
-    if own > _NEAR:
+    if own > _LIMIT_MARGIN:
         return task
     best, most = task, own
     for candidates in (_turned, _bent):
@@ -55,7 +56,7 @@ def roomiest(plan: Callable[[], TaskPlan], start_at: Callable[[Vector], TaskPlan
             found = room(other)
             if found is not None and found > most:
                 best, most = other, found
-        if most > _NEAR and candidates is _turned:
+        if most > _LIMIT_MARGIN and candidates is _turned:
             break
     # A start that is no better in the end is no reason to leave the one nearest home.
     return best if most > max(own, 0.0) else task

@@ -64,7 +64,7 @@ class Straight:
     """A frame that stands still, or turns with the tool."""
 
     def __init__(self, stage: StagePlan, p: Vector, R: Vector) -> None:
-        self.p, self.R, self.frame, self.left = p, R, stage.frame_at_tool, ""
+        self.p, self.R, self.frame, self.left = p, R, stage.kinematics.frame_at_tool, ""
         self._stage, self._moved = stage, np.zeros(6)
         self._own = stage.frame.rotation if stage.frame.kind == "tool" else None
         if self._own is not None:
@@ -107,17 +107,17 @@ def _lever(stage: StagePlan, p: Vector, R: Vector) -> Vector:
 
 
 def _pressed_on(stage: StagePlan) -> tuple[str, Axis, float] | None:
-    """The object that may end under the tool, the axis that presses on it, and which way."""
-    if len(stage.forces) != 1 or not stage.frame.still:
+    """The object that may end under the tool, the axis that presses on it, and its sign."""
+    if len(stage.contacts.forces) != 1 or not stage.frame.still:
         return None
-    (axis,) = stage.forces
-    contact, value = stage.contacts[axis], stage.set_point_of(axis)
+    (axis,) = stage.contacts.forces
+    contact, value = stage.contacts.by_axis[axis], stage.set_points.of(axis)
     if contact is None or not value or contact in stage.context.moving_bases:
         return None
     shape = stage.context.loaded.task.shapes.get(contact)
     if shape is None or shape.gives_way or stage.context.surfaces[contact].level:
         return None
-    if value * stage.facing(axis) > 0 or abs(stage.facing(axis)) < MOSTLY:
+    if value * stage.contacts.facing(axis) > 0 or abs(stage.contacts.facing(axis)) < MOSTLY:
         return None
     return contact, axis, math.copysign(1.0, value)
 
@@ -168,7 +168,7 @@ class OnSurface:
 
 @dataclass(frozen=True, slots=True)
 class _Point:
-    """Time [s], coordinate [rad, m] and displacement of the references at one point of the way."""
+    """Time [s], coordinate [rad, m] and displacement of the references at one point of the path."""
 
     time: float
     coordinate: float
@@ -328,7 +328,7 @@ def _weight(strain: Strain) -> float:
 
 
 def _stiffness(stage: StagePlan, axis: Axis) -> float:
-    """What a motion axis presses with against the grip [N/m, N m/rad]; 0 where it gives way."""
+    """What a motion axis presses with against the grip [N/m, N m/rad]; 0 where it yields."""
     plan = stage.plans[axis]
     # A force that displaces a spring leaves the spring where it is: it holds on.
     if not plan.motion or plan.force or plan.mode.name == "follows":
@@ -340,6 +340,6 @@ def _stiffness(stage: StagePlan, axis: Axis) -> float:
         own = math.inf if plan.axis.stiffness is None else own
     k = GRIP.stiffness
     if axis.is_rotation:
-        lever = np.cross(stage.rotation[:, axis.column], stage.lever)
+        lever = np.cross(stage.rotation[:, axis.column], stage.kinematics.lever)
         k = GRIP.angular_stiffness + GRIP.stiffness * float(lever @ lever)
     return 1.0 / (1.0 / k + 1.0 / own) if own > 0 else 0.0

@@ -20,10 +20,10 @@ from taskspec.text.expression.tree import Name
 Vector = NDArray[np.float64]
 
 #: Keeps the unit gradient finite where the gradient vanishes.
-_TINY = 1e-30
+_SQUARED_GRADIENT_FLOOR = 1e-30
 #: A gradient that turns by less than this is one of a flat surface [rad].
 _FLAT = 1e-3
-#: Directions across a gradient, and turns into each of them, in which it is looked at.
+#: Directions across a gradient, and turns into each of them, in which it is sampled.
 _TANGENTS, _ANGLES = 12, 9
 
 
@@ -76,7 +76,7 @@ class EquationModel:
         drift = ca.jtimes(ca.jtimes(r, ca.vertcat(x, t), along), ca.vertcat(x, t), along)
         found = ca.Function("terms", [x, dx, t], [r, r_x, r_t, drift])
         value, gradient, by_time, bend = found(place, rate, clock)
-        scale = ca.sqrt(ca.sumsqr(gradient) + _TINY)
+        scale = ca.sqrt(ca.sumsqr(gradient) + _SQUARED_GRADIENT_FLOOR)
         return EquationTerms(
             distance=value / scale,
             normal=gradient / scale,
@@ -99,7 +99,7 @@ class EquationTerms:
         distance: r / |r_x| [m, rad], to first order the distance from the constraint.
         normal: (1, d) r_x / |r_x|.
         by_time: r_t / |r_x| [m/s, rad/s].
-        drift: (x'^T r_xx x' + 2 r_xt x' + r_tt) / |r_x|, without the curvature of the way from
+        drift: (x'^T r_xx x' + 2 r_xt x' + r_tt) / |r_x|, without the curvature of the path from
             the joints to the place [m/s^2, rad/s^2].
         scale: |r_x|: the multiplier of r itself is the force divided by it.
     """
@@ -171,7 +171,7 @@ class StartEquation:
     bend: NDArray[np.float64] | None = None
 
     def gradients_within(self, way: float) -> NDArray[np.float64]:
-        """(3, k) unit gradients at the tip that a curved equation has within a way [m] of here.
+        """(3, k) unit gradients at the tip of a curved equation within a distance [m].
 
         Those of a surface of the same curvature: along each tangent t the gradient turns by
         |bend t| per metre, to a right angle at most, beyond which its lines come again.

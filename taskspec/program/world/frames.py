@@ -23,7 +23,7 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class DirectionTracking:
-    """How a frame follows the force that is felt, or the motion.
+    """How a frame follows the measured force, or the motion.
 
     Attributes:
         of: `force`, against which its z is kept, or `velocity`, along which its x is.
@@ -51,7 +51,7 @@ class FrameModel:
         name: as in the file.
         kind: fixed (in the world, or on an object that moves by itself), tool (carried by the
             tool), following (a surface), estimated (where a stage touched), turning (with a handle
-            that goes around an axis), tracking (the force that is felt, or the motion).
+            that goes around an axis), tracking (the measured force, or the motion).
         rotation, origin: (3, 3), (3,) pose in the world as declared, for kind tool in the tool,
             for kind turning in the axes of the handle; of an estimated frame, where it is expected.
         owner: the object that it is fixed on, through its parents.
@@ -60,7 +60,7 @@ class FrameModel:
         estimated_in: of an estimated frame: the measured frame that it is or is placed in.
         in_estimated: (3, 3), (3,) its pose in that one.
         mechanism: of a turning frame, whose handle it turns with.
-        tracking: how it follows what is felt or the motion; its rotation is what is expected.
+        tracking: how it follows the measured force or the motion; its rotation is what is expected.
         at_origin: the control point is the frame's origin, carried rigidly by the tool.
         described: how it came about, for `explain`.
     """

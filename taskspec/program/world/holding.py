@@ -84,7 +84,7 @@ def holding_start(
 def truly_holding(context: Context, true: Task) -> Vector:
     """(n,) where a run starts whose robot holds what is really elsewhere: the hand has found it.
 
-    The tool is to the handle as it is to the one that the controller is told of.
+    The tool is to the handle as it is to the nominal one.
 
     Args:
         context: of the task, whose start it is near.
@@ -93,12 +93,12 @@ def truly_holding(context: Context, true: Task) -> Vector:
     Raises:
         RobotError: the arm does not get there.
     """
-    robot, told = context.loaded.task.robot, context.loaded.task
+    robot, nominal = context.loaded.task.robot, context.loaded.task
     name = (robot.grasp or "").removesuffix(".handle")
-    if not name or told.world[name] == true.world[name]:
+    if not name or nominal.world[name] == true.world[name]:
         return context.start
-    R, R_true = (pose(_posed(task, name))[0] for task in (told, true))
-    p, p_true = (grip_point(robot, task, mechanism_models(task)) for task in (told, true))
+    R, R_true = (pose(_posed(task, name))[0] for task in (nominal, true))
+    p, p_true = (grip_point(robot, task, mechanism_models(task)) for task in (nominal, true))
     turn = R_true @ R.T
     rotation = turn @ context.start_R if "rz" in context.robot.axes else None
     target = Target(p_true + turn @ (context.start_p - p), rotation)

@@ -35,7 +35,7 @@ class MechanismModel:
         kind: hinge, slide or screw.
         rotation, origin: (3, 3), (3,) its own axes in the world at coordinate 0.
         handle: (3,) the handle in them at coordinate 0 [m].
-        lead: way along z per angle about it [m/rad].
+        lead: travel along z per angle about it [m/rad].
         angular: its coordinate is an angle.
         free: the knob turns on the handle.
     """
@@ -113,7 +113,7 @@ class MechanismModel:
         return before + ca.atan2(c * sine - s * cosine, c * cosine + s * sine)
 
     def travel(self, p: ca.SX) -> ca.SX:
-        """Way of the handle along the axis [m] with the tip at p (3,)."""
+        """Travel of the handle along the axis [m] with the tip at p (3,)."""
         return self.local(p)[2] - float(self.handle[2])
 
     def effort(self, p: ca.SX, force: ca.SX, moment: ca.SX) -> ca.SX:
@@ -129,10 +129,10 @@ class MechanismModel:
         return about + self.lead * ca.dot(axis, force)
 
     def open_ways(self, point: Matrix) -> tuple[Matrix, Matrix]:
-        """Unit directions (3,) in which it gives way to a force at a point (3,), and to a moment.
+        """Unit directions (3,) in which it yields to a force at a point (3,), and to a moment.
 
         Zero where there is none. A force on the axis turns nothing, nor does a moment on a handle
-        off the axis: its turning goes with a way along the circle.
+        off the axis: its turning goes with a distance along the circle.
         """
         axis, none = self.rotation[:, 2], np.zeros(3)
         turn = axis if self.free else none

@@ -185,7 +185,7 @@ def _inertia(robot: RobotModel, data: pin.Data, q: Vector) -> Vector:
 
 
 def virtual_mass_scale(robot: RobotModel) -> float:
-    """Mean mass [kg] that a contact at the tool feels, as MuJoCo counts it (1/invweight0)."""
+    """Mean effective mass [kg] of a contact at the tool, as MuJoCo counts it (1/invweight0)."""
     return 1.0 / robot.tool_body.mobility
 
 

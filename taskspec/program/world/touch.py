@@ -28,7 +28,7 @@ from taskspec.shapes.solid import half_sizes, rounding, touched_whole
 Vector = NDArray[np.float64]
 
 #: The sine of how far a face, an edge or a side may lean and yet lie flat, once it is pressed: of a
-#: tool that is held, 1 deg; of one that gives way in turning what is nearest does.
+#: tool that is held, 1 deg; of one that yields in turning what is nearest does.
 FLAT, _NEAREST = float(np.sin(np.deg2rad(1.0))), float(np.sqrt(0.5))
 
 
@@ -142,7 +142,7 @@ class WholeTool:
         Args:
             surface: of the shape.
             p, R: (3,), (3, 3) pose of the tip.
-            turns: (3, k) unit axes, across each other, about which the tool gives way.
+            turns: (3, k) unit axes, across each other, about which the tool yields.
         """
         if turns.size:
             w = self._leans(surface, p, R, _NEAREST)

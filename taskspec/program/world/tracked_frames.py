@@ -22,7 +22,7 @@ from taskspec.program.world.frames import DirectionTracking, FrameModel
 
 #: Slots of the memory: the filtered force [N] or velocity [m/s], the direction that follows it,
 #: and its rate [1/s], world axes.
-FELT, DIRECTION, RATE = "track.felt", "track.direction", "track.rate"
+FILTERED, DIRECTION, RATE = "track.filtered", "track.direction", "track.rate"
 #: Numbers of these together.
 SIZE = 9
 #: What a stage hands on of its frame: nothing, or the number of what that tracks.
@@ -33,11 +33,11 @@ _NOTHING = 1e-24
 
 def symbols(memory: Slots) -> ca.SX:
     """(9,) what the filter holds, the direction and its rate; takes slots of a stage's memory."""
-    return ca.vertcat(*(memory.add(slot, 3) for slot in (FELT, DIRECTION, RATE)))
+    return ca.vertcat(*(memory.add(slot, 3) for slot in (FILTERED, DIRECTION, RATE)))
 
 
 def begun(frame: FrameModel, tool: ca.SX) -> ca.SX:
-    """(9,) before anything has been felt, with the tool's axes (3, 3).
+    """(9,) before anything has been measured, with the tool's axes (3, 3).
 
     z is against the axis of the tool where the force is tracked, x along the heading where the
     velocity is.
@@ -65,7 +65,7 @@ def axes(frame: FrameModel, direction: ca.SX) -> tuple[ca.SX, ca.SX]:
     return found, size - LEAST_SINE
 
 
-def felt(frame: FrameModel, force: ca.SX, velocity: ca.SX) -> ca.SX:
+def tracked(frame: FrameModel, force: ca.SX, velocity: ca.SX) -> ca.SX:
     """(3,) what a frame tracks, of the force by the environment and the tool's velocity (3,)."""
     return force if _tracking(frame).of == "force" else velocity
 
@@ -76,7 +76,7 @@ def step(frame: FrameModel, state: ca.SX, now: ca.SX, period: float) -> ca.SX:
     Args:
         frame: whose filter, floor and greatest rate count.
         state: (9,) before it.
-        now: (3,) what it tracks, world axes; see `felt`.
+        now: (3,) what it tracks, world axes; see `tracked`.
         period: [s].
     """
     tracking = _tracking(frame)
@@ -119,9 +119,9 @@ def fastest_filter(period: float) -> float:
 
 def updates(frame: FrameModel, memory: Slots, now: ca.SX, period: float) -> dict[str, ca.SX]:
     """The slots of the memory after a tick; see `step`."""
-    state = ca.vertcat(*(memory.symbol(slot) for slot in (FELT, DIRECTION, RATE)))
+    state = ca.vertcat(*(memory.symbol(slot) for slot in (FILTERED, DIRECTION, RATE)))
     after = step(frame, state, now, period)
-    return {FELT: after[:3], DIRECTION: after[3:6], RATE: after[6:]}
+    return {FILTERED: after[:3], DIRECTION: after[3:6], RATE: after[6:]}
 
 
 def _tracking(frame: FrameModel) -> DirectionTracking:
@@ -130,7 +130,7 @@ def _tracking(frame: FrameModel) -> DirectionTracking:
 
 
 def lag(rate: float, cutoff: float) -> float:
-    """How far z is behind a felt force that turns at `rate` [rad/s], with a `cutoff` [Hz] [rad]."""
+    """The lag of z [rad] behind a measured force that turns at `rate` [rad/s]; `cutoff` in Hz."""
     return math.atan2(rate, 2 * math.pi * cutoff)
 
 

@@ -162,7 +162,7 @@ class Checker:
         )
 
     def same(self, nodes: list[tree.Node]) -> Type:
-        """Asks all nodes for one dimension; returns it."""
+        """Requires one dimension of all nodes; returns it."""
         kinds = [self.number(node, self.type_of(node)) for node in nodes]
         leader: tuple[tree.Node, Type] | None = None
         for node, kind in zip(nodes, kinds, strict=True):
@@ -187,7 +187,7 @@ class Checker:
     def _interval(
         self, node: tree.Node, others: list[tree.Node], low: tree.Node, high: tree.Node
     ) -> Type:
-        """Asks the ends of an interval, and what lies in it, for one dimension.
+        """Requires one dimension of the ends of an interval and of what lies in it.
 
         In `a +- 5 %` the percentage is a share of a, unless a is a plain number: that has the
         dimension of a percentage, which is added to it as it is.
@@ -358,7 +358,7 @@ def check(node: tree.Node, scope: Scope, expected: Dimension | None) -> Checked:
     Args:
         node: a parsed expression.
         scope: the names it may use.
-        expected: the dimension that its place asks for; None if the place asks for a condition.
+        expected: the dimension that its place requires; None if the place requires a condition.
 
     Returns:
         The tree in which `norm(force)` is written out as `norm(force.x, force.y, force.z)` and
@@ -377,7 +377,7 @@ def check(node: tree.Node, scope: Scope, expected: Dimension | None) -> Checked:
 
 
 def infer(node: tree.Node, scope: Scope) -> tuple[Type, tuple[Problem, ...]]:
-    """The type of an expression whose place asks for none, and every problem found."""
+    """The type of an expression whose place requires none, and every problem found."""
     checker = Checker(scope)
     found = checker.type_of(node)
     if found.kind == "vector":

@@ -17,7 +17,7 @@ class Function:
     Attributes:
         fewest: the smallest number of arguments.
         most: the largest, None if there is none.
-        rule: `same` asks all arguments for one dimension and returns it.
+        rule: `same` requires one dimension of all arguments and returns it.
     """
 
     fewest: int

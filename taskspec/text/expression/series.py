@@ -1,6 +1,6 @@
 """Expressions over time: numbers with a value at every tick of a run, or of what is predicted.
 
-A condition is 1, 0 or NaN. NaN means that it cannot be told, because something in it has no value
+A condition is 1, 0 or NaN. NaN means that it is undecided, because something in it has no value
 at that tick; `and`, `or` and `not` pass it on unless the other items decide alone.
 """
 

@@ -8,7 +8,7 @@ from urllib.parse import quote
 
 
 def within(path: str, root: Path) -> PurePath | None:
-    """The path as seen from a folder, or None if it is not below it."""
+    """The path relative to a folder, or None if it is not below it."""
     full = Path(os.path.normpath(Path.cwd() / path))
     return full.relative_to(root) if full.is_relative_to(root) else None
 

@@ -28,9 +28,9 @@ def report(found: Validation) -> str:
     diagnostics = [d for path in found.diagnostics for d in found.diagnostics[path]]
     codes = sorted({d.code for d in diagnostics})
     rules = {code: number for number, code in enumerate(codes)}
-    seen: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     results = [
-        _result(diagnostic, found.sources[path], rules, seen)
+        _result(diagnostic, found.sources[path], rules, counts)
         for path, of_file in found.diagnostics.items()
         for diagnostic in of_file
     ]
@@ -68,7 +68,7 @@ def _result(
     diagnostic: Diagnostic,
     sources: Mapping[str, Source],
     rules: Mapping[str, int],
-    seen: Counter[str],
+    counts: Counter[str],
 ) -> dict[str, Any]:
     message = "\n".join(filter(None, (diagnostic.message, diagnostic.hint)))
     result = {
@@ -77,7 +77,7 @@ def _result(
         "level": _LEVELS[diagnostic.severity],
         "message": {"text": message},
         "locations": [_location(diagnostic.source, diagnostic.span)],
-        "partialFingerprints": {"codeAndLine/v1": _fingerprint(diagnostic, sources, seen)},
+        "partialFingerprints": {"codeAndLine/v1": _fingerprint(diagnostic, sources, counts)},
     }
     if diagnostic.notes:
         result["relatedLocations"] = [
@@ -101,14 +101,16 @@ def _location(source: str, span: Span | None) -> dict[str, Any]:
     return {"physicalLocation": place}
 
 
-def _fingerprint(diagnostic: Diagnostic, sources: Mapping[str, Source], seen: Counter[str]) -> str:
+def _fingerprint(
+    diagnostic: Diagnostic, sources: Mapping[str, Source], counts: Counter[str]
+) -> str:
     """A mark that a finding keeps when lines above it come and go."""
     source, span = sources.get(diagnostic.source), diagnostic.span
     line = source.line(span.line).strip() if source and span else ""
     parts = (diagnostic.code, uri(diagnostic.source)[0], line)
     mark = hashlib.sha256("\0".join(parts).encode("utf-8", "surrogatepass")).hexdigest()[:16]
-    seen[mark] += 1
-    return f"{mark}:{seen[mark]}"
+    counts[mark] += 1
+    return f"{mark}:{counts[mark]}"
 
 
 def _invocation(found: Validation) -> dict[str, Any]:

@@ -90,7 +90,7 @@ def rest_rows(
     rows = [row for row in found if row is not None]
     yield from rows
     if any(not row.signal.startswith(_POSITION) for row in rows):
-        yield from _pressed_in(trial, visits[-1], stage.plan.touched)
+        yield from _pressed_in(trial, visits[-1], stage.plan.contacts.touched)
 
 
 def _row(trial: Trial, visit: Visit, name: str, law: RestValue | None) -> RestRow | None:

@@ -70,7 +70,7 @@ def stability_sheet(program: Program, name: str) -> StabilitySheet | None:
         bounds = tuple(_bounds(program, sampled))
     except (UnfitError, np.linalg.LinAlgError):
         return None
-    if not (bounds or sampled.pressed or sampled.stage.plan.held):
+    if not (bounds or sampled.pressed or sampled.stage.plan.contacts.held):
         return None
     return StabilitySheet(_where(sampled), tuple(_poles(sampled, modes)), bounds)
 
@@ -80,7 +80,8 @@ def _where(sampled: SampledStage) -> str:
         f"{show(force, FORCE.on(rotation=_on_joints(sampled, name)), 3)} on {name}"
         for name, force in sampled.pressed.items()
     ]
-    parts += [f"{sampled.stage.plan.held} held"] if sampled.stage.plan.held else []
+    held = sampled.stage.plan.contacts.held
+    parts += [f"{held} held"] if held else []
     parts = parts or ["nothing touched"]
     return f"{'in contact, ' if sampled.meets else ''}{', '.join(parts)}, at the start pose"
 

@@ -169,16 +169,17 @@ def _contact(program: Program, stage: CompiledStage) -> str:
     plan = stage.plan
     if plan.joint_path is not None:
         return "none that it controls: its joints are on a path"
-    stiffness = scaled(plan.stiffness, STIFFNESS)
-    if plan.contact is None and plan.held:
-        return f"{plan.held}, held: nominal {stiffness} both ways"
-    if plan.contact is None and plan.active:
+    stiffness = scaled(plan.environment.stiffness, STIFFNESS)
+    if plan.contacts.main is None and plan.contacts.held:
+        return f"{plan.contacts.held}, held: nominal {stiffness} both ways"
+    if plan.contacts.main is None and plan.active:
         return f"constraints {', '.join(plan.active)}"
-    if plan.contact is None:
+    contacts = plan.contacts
+    if contacts.main is None:
         return "none: the world has no surface" if not plan.context.surfaces else "none ahead"
-    if len(plan.touched) == 1:
-        return _object(program, plan.contact)
-    by = {c: [a for a in plan.forces if plan.contacts[a] == c] for c in plan.touched}
+    if len(contacts.touched) == 1:
+        return _object(program, contacts.main)
+    by = {c: [a for a in contacts.forces if contacts.by_axis[a] == c] for c in contacts.touched}
     return "; ".join(f"{', '.join(axes)}: {_object(program, c)}" for c, axes in by.items() if axes)
 
 

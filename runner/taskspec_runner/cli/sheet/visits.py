@@ -9,8 +9,8 @@ from typing import Any
 from taskspec.deferred_methods import dataclass
 from taskspec.text.units import FORCE, MASS, MOMENT, STIFFNESS, TIME, VELOCITY, scaled, show
 from taskspec_runner.record.history import Visit
+from taskspec_runner.trial.impact import Impact, first_impact
 from taskspec_runner.trial.moment import Moment
-from taskspec_runner.trial.touch import Touch, first_touch
 from taskspec_runner.trial.trial import DONE, OPEN, Trial
 from taskspec_runner.verdict.metrics import peaks
 from taskspec_runner.verdict.summary import transition_text
@@ -23,7 +23,7 @@ _PEAKS = {"force": FORCE, "torque": MOMENT, "speed": VELOCITY}
 
 
 @dataclass(frozen=True, slots=True)
-class StageVisit:
+class TrialVisit:
     """A visit of a stage in a trial.
 
     Attributes:
@@ -40,7 +40,7 @@ class StageVisit:
 
 
 @dataclass(frozen=True, slots=True)
-class MeasuredTouch:
+class MeasuredImpact:
     """The first touch that begins in a stage.
 
     Attributes:
@@ -49,7 +49,7 @@ class MeasuredTouch:
         force: the largest that the contact bears until the blow is at its peak [N].
     """
 
-    touch: Touch
+    touch: Impact
     clock: float
     force: float
 
@@ -72,9 +72,9 @@ class StageTrial:
         touch: the first that begins in it; None where none does.
     """
 
-    visits: tuple[StageVisit, ...]
+    visits: tuple[TrialVisit, ...]
     peaks: dict[str, float]
-    touch: MeasuredTouch | None
+    touch: MeasuredImpact | None
 
     def as_data(self) -> dict[str, Any]:
         """For other programs [SI]."""
@@ -123,14 +123,14 @@ class StageTrial:
 def stage_trials(trial: Trial) -> dict[str, StageTrial]:
     """What every stage of a program came to, in the order of the file."""
     stages = {stage.name: stage for stage in trial.program.stages}
-    own: dict[str, list[tuple[Visit, StageVisit]]] = {name: [] for name in stages}
+    own: dict[str, list[tuple[Visit, TrialVisit]]] = {name: [] for name in stages}
     period, robot = trial.program.context.period, trial.program.context.robot
     for visit, end in zip_longest(trial.history.visits(), trial.transitions):
         if visit is None:
             break  # A stage that is left as it is entered has no tick.
         text = "" if end is None else transition_text(end, stages[end.stage], robot)
         lasts = (visit.last + 1 - visit.first) * period
-        made = StageVisit(visit.first * period, lasts, text, "" if end is None else end.to)
+        made = TrialVisit(visit.first * period, lasts, text, "" if end is None else end.to)
         own[visit.stage].append((visit, made))
     largest = peaks(trial.history, [*stages])
     return {
@@ -143,15 +143,15 @@ def stage_trials(trial: Trial) -> dict[str, StageTrial]:
     }
 
 
-def _touch(trial: Trial, visit: Visit) -> MeasuredTouch | None:
-    touch = first_touch(Moment(trial, visit))
+def _touch(trial: Trial, visit: Visit) -> MeasuredImpact | None:
+    touch = first_impact(Moment(trial, visit))
     if touch is None:
         return None
     period = trial.program.context.period
     # A quarter of its period, and the tick at which it touches.
     rows = slice(touch.row, touch.row + round(touch.half_period / 2 / period) + 1)
     force = float(abs(trial.history.columns[f"{touch.contact}.force"][rows]).max())
-    return MeasuredTouch(touch, touch.row * period, force)
+    return MeasuredImpact(touch, touch.row * period, force)
 
 
 def how_it_ended(trial: Trial) -> str:

@@ -346,16 +346,19 @@ class TickMemory(Record):
             setattr(self, name, value)
 
     def load(self, compiling: Compiling) -> bool:
-        """Has all functions take their machine code; returns whether all have some.
+        """Has functions take their machine code; returns whether all have some.
 
         Args:
-            compiling: what becomes of code that there is not; none is left unasked for.
+            compiling: what becomes of code that there is not. Where that is compiled, none is left
+                unasked for; else it is asked for what each tick evaluates.
 
         Raises:
             EngineError: there is no machine code here.
             UnsupportedOperationError: a function has an operation that machine code lacks.
         """
-        return all([evaluation.load(compiling) for evaluation in self._evaluations(_EVALUATIONS)])
+        compiled = compiling in (Compiling.WAIT, Compiling.BESIDE)
+        asked = self._evaluations(_EVALUATIONS if compiled else _OF_TICKS)
+        return all([evaluation.load(compiling) for evaluation in asked]) and compiled
 
     def interpret(self, *, programs: bool) -> None:
         """Has the interpreter evaluate what each tick evaluates and has no code.

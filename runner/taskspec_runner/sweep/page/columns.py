@@ -12,7 +12,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.worlds import component_dimension
 from taskspec.spec import Task
 from taskspec.text.units import FORCE, MOMENT, TIME, VELOCITY, Dimension, in_unit, suited
-from taskspec_runner.report.template import prose
+from taskspec_runner.pages.html import prose
 from taskspec_runner.sweep.statistics import Influence, Vector, parameters
 from taskspec_runner.sweep.summary import expectation_texts
 from taskspec_runner.sweep.world_run import Row

@@ -3,36 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
+
+from markupsafe import Markup
 
 from taskspec.program.worlds import component_dimension
 from taskspec.spec import Task
 from taskspec.text.units import in_unit, number, scaled
+from taskspec_runner.pages.chart import Chart
+from taskspec_runner.pages.document import (
+    DASH,
+    Cells,
+    Heading,
+    button,
+    document,
+    figure,
+    fold,
+    head,
+    note,
+    outcome,
+    pairs,
+    patience,
+    right,
+    section,
+    sign,
+    table,
+    task_file,
+)
+from taskspec_runner.pages.html import code, element, expression, joined, prose
 from taskspec_runner.record.names import TASK
-from taskspec_runner.report.highlight import highlighted
-from taskspec_runner.report.template import part, script, template
 from taskspec_runner.sweep.page.columns import PEAKS, WorldColumn, columns, world_data
 from taskspec_runner.sweep.page.commands import command_stem, kept_reports
 from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.statistics import Influence, parameters
-from taskspec_runner.sweep.summary import (
-    MET,
-    MISSED,
-    interval_text,
-    rate_text,
-    worst_world,
-)
+from taskspec_runner.sweep.summary import MET, MISSED, interval_text, rate_text, worst_world
 from taskspec_runner.sweep.world_run import Row
 
 Json = Mapping[str, Any]
 
-_HERE = Path(__file__).parent
 _KINDS = {MET: "passed", MISSED: "missed"}
 #: Parameters whose margins are drawn at once; those of others when they are asked for.
 _DRAWN = 6
 #: What is less likely than this is not taken for chance.
 _CHANCE = 0.01
+_CHOSEN = "these worlds were chosen and not drawn, so that they tell of no probability"
 
 
 def render(result: SweepResult, said: Json) -> str:
@@ -42,92 +56,262 @@ def render(result: SweepResult, said: Json) -> str:
         result: what came of it.
         said: what `sweep.json` says of it.
     """
-    task, summary, rows = result.task, result.summary, result.rows
-    influences = [Influence(**each) for each in summary["influences"]]
+    task, rows = result.task, result.rows
+    influences = [Influence(**each) for each in result.summary["influences"]]
     found = columns(task, rows, influences)
-    scatters = [_scatter(c, influences) for c in found if c.kind == "parameter"]
-    worst = worst_world(rows)
-    return template("sweep.html.j2", _HERE).render(
-        title=task.name,
-        about=task.about or "",
-        verdicts=[_verdict(each) for each in summary["judged"]],
-        success=summary["success"],
-        interval=_percent(summary["success"]["interval"]),
-        rate=rate_text(summary["success"]),
-        ends=summary["ends"],
-        counts=_counts(rows),
-        expectations=[_expectation(each, rows) for each in summary["expectations"]],
-        influences=[_influence(each) for each in influences],
-        regions=[_region(each, found) for each in summary["regions"]],
-        failed=summary["success"]["of"] - summary["success"]["good"],
-        worst=None if worst is None else _worst(worst, task),
-        scatters=scatters[:_DRAWN],
-        more=scatters[_DRAWN:],
-        map={"key": "map", "title": "Share of worlds that succeed", "unit": "%", "note": ""},
-        histograms=[_figure(c, "") for c in found if c.kind == "peak" and _told(c)],
-        parameters=[c for c in found if c.kind == "parameter"],
-        sorts=[("world", "world"), *((c.key, c.label) for c in found if _told(c))],
+    everywhere = pairs(_everywhere(rows, task))
+    facts = pairs(_facts(result, said))
+    if everywhere:
+        text = "True in all worlds, and not what the controller is told:"
+        facts = joined(facts, element("p", text), everywhere)
+    return document(
+        f"{task.name}: sweep",
+        head("taskspec sweep", task.name, task.about or "", *_verdicts(result), _ends(result)),
+        _expectations(result),
+        _failures(result, found),
+        _influences(influences),
+        patience(),
+        *_charts(found, influences),
+        _worlds(result, found),
+        task_file((result.path / TASK).read_text(encoding="utf-8")),
         data=_data(result, said, found),
-        facts=list(_facts(result, said)),
-        everywhere=list(_everywhere(rows, task)),
-        task=highlighted((result.path / TASK).read_text(encoding="utf-8")),
-        style=part("report.css") + part("sweep.css", _HERE),
-        script=script(*(part(f"{name}.js", _HERE) for name in ("worlds", "charts", "table"))),
+        scripts=("worlds", "worlds_charts", "worlds_table"),
+        facts=facts,
     )
+
+
+def _span(
+    interval: Sequence[float] | None, share: float | None, bound: float | None = None
+) -> Markup:
+    """A share of worlds, the interval that it is in, and the bound on it, on a line from 0 to 1."""
+    low, high = interval or (0.0, 0.0)
+    whole = f"left: {100 * low}%; width: {100 * (high - low)}%"
+    marks = [element("b", style=f"left: {100 * (share or 0.0)}%")]
+    if bound is not None:
+        marks.append(element("u", style=f"left: {100 * bound}%"))
+    within = element("i", style=whole) if interval else None
+    return element("span", within, *marks, class_="span", aria_hidden="true")
+
+
+def _world(world: int, title: str | None = None) -> Markup:
+    """A button that shows a world in the table."""
+    return button(f"world {world}", "link", data_filter=f"world = {world}", title=title)
+
+
+def _margin(margin: float, world: int, title: str | None = None) -> Markup:
+    """The least margin, and the world that has it."""
+    return joined(prose(f"{number(100 * margin, 3)} %"), " ", _world(world, title))
+
+
+def _verdicts(result: SweepResult) -> Iterator[Markup]:
+    """What the file expects of the sweep, else how many worlds succeed."""
+    for each in result.summary["judged"]:
+        kind = _KINDS.get(each["verdict"], "undecided")
+        more = [rate_text(each)]
+        if each["needed"] is not None:
+            more.append(f"some {each['needed']} more worlds would decide it")
+        if each["interval"] is None:
+            more.append(_CHOSEN)
+        line = _span(each["interval"], each["share"], each["least"])
+        yield outcome(
+            kind,
+            sign(kind) + each["verdict"],
+            element("p", expression(each["text"]), " ", line),
+            element("p", "; ".join(more), class_="rest"),
+        )
+    if not result.summary["judged"]:
+        rate = result.summary["success"]
+        share = f"{100 * rate['share']:.4g}" if rate["of"] else DASH
+        about = (
+            "In brackets where the probability of success is, with 95 % confidence (Wilson's "
+            "interval)." if rate["interval"] else f"{_CHOSEN[0].upper()}{_CHOSEN[1:]}."
+        )  # fmt: skip
+        line = _span(rate["interval"], rate["share"])
+        yield outcome(
+            "done",
+            f"{share} %",
+            element("p", f"succeed: {rate_text(rate)} ", line),
+            element("p", about, class_="rest"),
+        )
+
+
+def _ends(result: SweepResult) -> Markup:
+    """How many worlds came to which end, and the worst of them."""
+    worst = worst_world(result.rows)
+    found: list[tuple[str, object]] = [(k, str(v)) for k, v in result.summary["ends"].items()]
+    if worst is not None:
+        values = (
+            f"{name} = {scaled(value, component_dimension(result.task, name), 3)}"
+            for name, value in worst.items()
+            if name.startswith(("world.", "robot.")) and value is not None
+        )
+        found.append(("least margin", _margin(worst["margin"], worst["world"], ", ".join(values))))
+    return pairs(found, "facts")
+
+
+def _expectations(result: SweepResult) -> Markup:
+    """In how many worlds each was met."""
+    sampled = result.summary["success"]["interval"] is not None
+    columns_: list[Heading | str] = ["Expected", right("Met in"), Heading("", "spans")]
+    columns_ += [right("Probability, at 95 %")] if sampled else []
+    rows = []
+    for each in result.summary["expectations"]:
+        key = f"margin {each['name']}"
+        judged = [r for r in result.rows if r["status"] == "done" and r.get(key) is not None]
+        worst = min(judged, key=lambda row: row[key], default=None)
+        name = element("small", each["name"], class_="which")
+        share = each["share"] if each["of"] else None
+        cells = [
+            name + expression(each["text"]),
+            f"{DASH if share is None else f'{100 * share:.4g}'} %",
+            _span(each["interval"], share),
+            *([interval_text(each)] if sampled else []),
+            DASH if worst is None else _margin(worst[key], worst["world"]),
+        ]
+        rows.append(cells)
+    return section(
+        "Expectations",
+        table([*columns_, right("Least margin")], rows),
+        note("A margin is the share of what an expectation allows that is left: 0 % is just met, "
+             "less is missed."),
+    )  # fmt: skip
+
+
+def _failures(result: SweepResult, found: Sequence[WorldColumn]) -> Markup:
+    """Where worlds fail, as what the table is filtered by."""
+    rate, known = result.summary["success"], {column.key: column for column in found}
+    failed = rate["of"] - rate["good"]
+    if not failed:
+        text = "In no world."
+    elif failed == rate["of"]:
+        text = "In every world, so that nothing tells where."
+    else:
+        text = f"In {failed} of {rate['of']} worlds; no few bounds tell them from the others."
+    items = [
+        element(
+            "li",
+            element("span", prose(each["text"])),
+            button("Show these worlds", data_filter=_filter(each, known)),
+        )
+        for each in result.summary["regions"]
+    ]
+    where = element("ul", *items, class_="regions") if items else note(text)
+    return section("Where it fails", where)
+
+
+def _filter(region: Json, known: Mapping[str, WorldColumn]) -> str:
+    """The bounds of a region as a filter of the table, in its units."""
+    terms = []
+    for split in region["splits"]:
+        column = known[split["parameter"]]
+        value = in_unit(split["value"], column.unit) if column.unit else split["value"]
+        terms.append(f"{column.key} {'>' if split['above'] else '<='} {value:.7g}")
+    return " and ".join(terms)
+
+
+def _influences(influences: Sequence[Influence]) -> Markup:
+    """How much of the margin goes with each parameter."""
+    rows = []
+    for each in influences:
+        explained = f"{100 * each.explained:.0f}"
+        part = element("i", style=f"width: {explained}%")
+        cells = [
+            each.parameter,
+            f"{explained} %",
+            element("span", part, class_="span part", aria_hidden="true"),
+            prose(f"{each.correlation:+.2f}"),
+            _in_words(each),
+        ]
+        rows.append(Cells(cells, "" if each.chance < _CHANCE else "unclear"))
+    share, trend = right("Explains of the margin"), right("Rank correlation")
+    return section(
+        "What matters",
+        table(["Parameter", share, Heading("", "spans"), trend, "Direction"], rows),
+        note("Of the ranks of the least margins: the share of their variance that goes with the "
+             "parameter, in whatever way, and Spearman’s correlation, which sees what goes one "
+             "way."),
+    )  # fmt: skip
+
+
+def _charts(found: Sequence[WorldColumn], influences: Sequence[Influence]) -> Iterator[Markup]:
+    """Margins over each parameter, success over two, and how peaks are spread."""
+    varied = [column for column in found if column.kind == "parameter"]
+    words = {each.parameter: _in_words(each) for each in influences}
+    drawn = [figure(_chart(column, words.get(column.key, ""))) for column in varied]
+    more = drawn[_DRAWN:]
+    yield section(
+        "Least margin over each parameter",
+        element("div", *drawn[:_DRAWN], class_="two") if drawn else Markup(""),
+        fold(f"{len(more)} more parameter{'s' if len(more) != 1 else ''}", "",
+             element("div", *more, class_="two"), look="more") if more else Markup(""),
+        note("A point is a world: a dot succeeded, a cross did not. Those that did not come to "
+             "their end have no margin and stand below. A click shows the world in the table."),
+    )  # fmt: skip
+    if len(varied) > 1:
+        choices = [_choice(word, axis, varied, first) for word, axis, first in _AXES]
+        success = Chart("map", "Share of worlds that succeed", "%", ())
+        choose = element("p", *choices, class_="choose")
+        title = "Success over two parameters"
+        yield section(title, choose, figure(success), look="success")
+    peaks = [figure(_chart(c, "")) for c in found if c.kind == "peak" and _told(c)]
+    place = element("div", *peaks, class_="three") if peaks else Markup("")
+    yield section("Largest of each world", place)
+
+
+#: Choices of a parameter: word, axis, and which is chosen first.
+_AXES = (("across", "x", 0), ("upwards", "y", 1))
+
+
+def _choice(word: str, axis: str, varied: Sequence[WorldColumn], first: int) -> Markup:
+    options = (
+        element("option", c.label, value=c.key, selected=i == first) for i, c in enumerate(varied)
+    )
+    return element("label", f"{word} ", element("select", *options, data_axis=axis))
+
+
+def _chart(column: WorldColumn, text: str) -> Chart:
+    title = column.label[0].upper() + column.label[1:] if column.kind == "peak" else column.label
+    return Chart(column.key, title, column.shown_unit, (), text)
+
+
+def _worlds(result: SweepResult, found: Sequence[WorldColumn]) -> Markup:
+    """The place of the table of all worlds, which the script of the page makes."""
+    verdicts = [row["verdict"] for row in result.rows]
+    counts = {verdict: verdicts.count(verdict) for verdict in dict.fromkeys(verdicts)}
+    kinds = [button(f"all {len(verdicts)}", data_verdict="", aria_pressed="true")]
+    kinds += [
+        button(f"{verdict} {count}", data_verdict=verdict, aria_pressed="false")
+        for verdict, count in sorted(counts.items(), key=lambda item: -item[1])
+    ]
+    first = next((f"{c.label} > 0 and " for c in found if c.kind == "parameter"), "")
+    query = element("input", type="search", spellcheck="false", autocomplete="off",
+                    autocapitalize="off", placeholder=f"{first}margin < 0")  # fmt: skip
+    sorts = [("world", "world"), *((c.key, c.label) for c in found if _told(c))]
+    order = element("select", *(element("option", label, value=key) for key, label in sorts))
+    filter_ = element(
+        "div",
+        element("div", *kinds, class_="windows"),
+        element("label", "Filter ", query, class_="query"),
+        element("label", "Sort by ", order, class_="order"),
+        button("↑", "turn", aria_label="turn the order round"),
+        element("output", aria_live="polite"),
+        class_="filter",
+    )
+    worlds = element("table", element("thead", element("tr")), class_="cards")
+    place = element("div", worlds, button("More", "further"), class_="scroll list", tabindex=0,
+                    role="group", aria_label="Table of worlds")  # fmt: skip
+    about = note(
+        "A filter is a relation such as ", code("margin < 0"), ", in the units of the table, or "
+        "words that stand in a row; several are joined by ", code("and"), ". The command below a "
+        "world runs it again with a log and a report.",
+    )  # fmt: skip
+    heading = element("h2", "Worlds", id="worlds")
+    return element("section", heading, filter_, place, about, class_="worlds")
 
 
 def _told(column: WorldColumn) -> bool:
     """Whether any world has a number there that is not zero."""
     return bool((abs(column.values) > 0).any())
-
-
-def _verdict(each: Json) -> Json:
-    return {
-        "kind": _KINDS.get(each["verdict"], "undecided"),
-        "word": each["verdict"],
-        "text": each["text"],
-        "found": rate_text(each),
-        "needed": each["needed"],
-        "interval": _percent(each["interval"]),
-        "share": 100 * each["share"],
-        "bound": 100 * each["least"],
-    }
-
-
-def _percent(interval: Sequence[float] | None) -> list[float] | None:
-    return None if interval is None else [100 * end for end in interval]
-
-
-def _counts(rows: Sequence[Row]) -> dict[str, int]:
-    """How many worlds there are of each verdict, the most first."""
-    found: dict[str, int] = {}
-    for row in rows:
-        found[row["verdict"]] = found.get(row["verdict"], 0) + 1
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
-
-
-def _expectation(each: Json, rows: Sequence[Row]) -> Json:
-    key = f"margin {each['name']}"
-    judged = [row for row in rows if row["status"] == "done" and row.get(key) is not None]
-    worst = min(judged, key=lambda row: row[key], default=None)
-    return {
-        "name": each["name"],
-        "text": each["text"],
-        "share": f"{100 * each['share']:.4g}" if each["of"] else "–",
-        "interval": _percent(each["interval"]),
-        "ends": interval_text(each),
-        "worst": None if worst is None else (number(100 * worst[key], 3), worst["world"]),
-    }
-
-
-def _influence(each: Influence) -> Json:
-    return {
-        "name": each.parameter,
-        "correlation": f"{each.correlation:+.2f}",
-        "explained": f"{100 * each.explained:.0f}",
-        "clear": each.chance < _CHANCE,
-        "words": _in_words(each),
-    }
 
 
 def _in_words(each: Influence) -> str:
@@ -136,40 +320,6 @@ def _in_words(each: Influence) -> str:
     if not each.one_way:
         return "not the same way everywhere"
     return "the more, the better" if each.correlation > 0 else "the less, the better"
-
-
-def _scatter(column: WorldColumn, influences: Sequence[Influence]) -> Json:
-    known = (each for each in influences if each.parameter == column.key)
-    return _figure(column, next(map(_in_words, known), ""))
-
-
-def _figure(column: WorldColumn, note: str) -> Json:
-    title = column.label[0].upper() + column.label[1:] if column.kind == "peak" else column.label
-    return {"key": column.key, "title": title, "unit": column.shown_unit, "note": note}
-
-
-def _region(each: Json, found: Sequence[WorldColumn]) -> Json:
-    """Where worlds fail, in words and as what the table is filtered by."""
-    known = {column.key: column for column in found}
-    terms = []
-    for split in each["splits"]:
-        column = known[split["parameter"]]
-        value = in_unit(split["value"], column.unit) if column.unit else split["value"]
-        terms.append(f"{column.key} {'>' if split['above'] else '<='} {value:.7g}")
-    return {"text": each["text"], "filter": " and ".join(terms)}
-
-
-def _worst(row: Row, task: Task) -> Json:
-    values = [
-        f"{name} = {scaled(value, component_dimension(task, name), 3)}"
-        for name, value in row.items()
-        if name.startswith(("world.", "robot.")) and value is not None
-    ]
-    return {
-        "world": row["world"],
-        "margin": number(100 * row["margin"], 3),
-        "text": ", ".join(values),
-    }
 
 
 def _data(result: SweepResult, said: Json, found: Sequence[WorldColumn]) -> Json:

@@ -1,0 +1,168 @@
+"""The gains of a stage by the rules of its law, from the arm and the environment on each axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
+from taskspec.geometry.axis import Axis
+from taskspec.laws.gains import AxisPlant, Gains, value_of
+from taskspec.laws.mechanism_form import damping_rate
+from taskspec.program.context import Context
+from taskspec.program.plan.contacts import StageContacts
+from taskspec.program.plan.environment import StageEnvironment
+from taskspec.program.plan.kinematics import StageKinematics
+from taskspec.program.reference.axis_plan import AxisPlan
+from taskspec.program.reference.constraints import equation_gains
+from taskspec.program.world.moving_base import MovingBase
+from taskspec.program.world.stiffness import GRIP
+from taskspec.spec import Law
+
+Vector = NDArray[np.float64]
+
+#: From here on J H^-1 J^T counts as singular.
+_CONDITION = 1e12
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """How a stage's law acts.
+
+    Attributes:
+        gains: on axes, equations and joints.
+        consistent: it takes the form for a held mechanism.
+        loop: its sampled loop, where the design has been held against that.
+    """
+
+    gains: Gains
+    consistent: bool = False
+    loop: Any = None
+
+
+class DesignRules:
+    """What the law's rules make of a stage."""
+
+    def __init__(
+        self,
+        context: Context,
+        law: Law,
+        kinematics: StageKinematics,
+        contacts: StageContacts,
+        environment: StageEnvironment,
+        plans: Mapping[Axis, AxisPlan],
+        active: tuple[str, ...],
+        moving_base: MovingBase | None,
+    ) -> None:
+        """Of a stage.
+
+        Args:
+            context: the arm at the start pose.
+            law: of the stage.
+            kinematics: its axes.
+            contacts: what it presses on or holds.
+            environment: what returns forces on its axes.
+            plans: who controls each of its axes.
+            active: names of the equations that constrain it.
+            moving_base: how the object moves that carries its frame; None where none does.
+        """
+        self._context, self._law, self._kinematics = context, law, kinematics
+        self._contacts, self._environment, self._plans = contacts, environment, plans
+        self._active, self._moving_base = active, moving_base
+
+    def design(self, *, consistent: bool = False) -> Design:
+        """Form and gains of the law.
+
+        Args:
+            consistent: whether it takes the form for a held mechanism.
+        """
+        context, law, axes = self._context, self._law, self._kinematics.axes
+        plants = self.plants
+        if consistent:
+            rate = damping_rate(context.period)
+            plants = {a: replace(plant, damper=rate * plant.held) for a, plant in plants.items()}
+        gains = law.design({a: p.axis for a, p in self._plans.items()}, plants)
+        for gain, by in equation_gains(context, law, self._active, context.equations).items():
+            gains.setdefault(gain, {}).update(by)
+        if law.control_law.damps_joints:
+            stiffness = [value_of(gains, "stiffness", a) + self._pressed(a) for a in axes]
+            gains["joint_damping"] = law.design_joints(self._joint_plants(stiffness))
+        return Design(gains, consistent)
+
+    @cached_property
+    def plants(self) -> dict[Axis, AxisPlant]:
+        """Mass and stiffness of each axis at the start pose."""
+        mobility, environment = self._kinematics.axis_mobility, self._environment
+        if np.linalg.cond(mobility) > _CONDITION:
+            # The run stops before its first tick; that it is said needs gains that are finite.
+            mobility = mobility + np.eye(len(mobility)) / _CONDITION
+        held, period = np.diag(np.linalg.inv(mobility)), self._context.period
+        return {
+            a: AxisPlant(
+                h=1.0 / mobility[i, i],
+                held=held[i],
+                k=environment.by_axis[a],
+                period=period,
+                grip=environment.grip_damping(a) if self._contacts.held else None,
+                face=environment.face if a.is_rotation else 0.0,
+            )
+            for i, a in enumerate(self._kinematics.axes)
+        }
+
+    def _pressed(self, axis: Axis) -> float:
+        """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not."""
+        return self.plants[axis].k if self._plans[axis].set_point else 0.0
+
+    def _joint_plants(self, stiffness: list[float]) -> list[AxisPlant]:
+        """Inertia and stiffness about each joint at the start pose.
+
+        Args:
+            stiffness: of spring and contact together, on the axes [N/m, N m/rad].
+        """
+        context = self._context
+        J = self._kinematics.tip_jacobian
+        about = np.einsum("ij,i,ij->j", J, stiffness, J)
+        free = 1.0 / np.diag(np.linalg.inv(context.start_inertia))
+        held = np.diag(context.start_inertia)
+        return [
+            AxisPlant(h=free[j], held=held[j], k=about[j], period=context.period)
+            for j in range(len(held))
+        ]
+
+    # On a held mechanism
+
+    @property
+    def has_mechanism_form(self) -> bool:
+        """Whether the law has a form for the held mechanism, seen as the stage's frame does."""
+        law = self._law
+        fits = law.control_law.mechanism_form and law.orientation == "so3" and not self._active
+        return bool(self._contacts.held) and fits and self._moving_base is None
+
+    @property
+    def cancels_late(self) -> float:
+        """How much larger, every tick, the grip's damping makes what a law takes off too late.
+
+        rho(T (M - S_y M_yy S_y^T) D_g) at the start pose, with M = J H^-1 J^T, the axes y that give
+        way, and the damping D_g of the grip: a law that selects takes the measured force off all
+        but the block of these. From 1 on it flips from tick to tick, whatever its gains. 0 for a
+        law that does not select, and where nothing is held.
+        """
+        held, kinematics = self._contacts.held, self._kinematics
+        if not (held and self._law.control_law.selects):
+            return 0.0
+        late, context = kinematics.axis_mobility, self._context
+        yielding = [i for i, p in enumerate(self._plans.values()) if p.force or p.soft]
+        late[np.ix_(yielding, yielding)] = 0.0
+        # Twist of the tip, world axes, per rates of the axes.
+        J = np.kron(np.eye(2), kinematics.rotation)
+        J[:3, 3:] = np.cross(kinematics.lever, kinematics.rotation, axisb=0, axisc=0)
+        J, turned = J[:, kinematics.rows], context.mechanisms[held].rotation[:, 2]
+        grip = np.diag([GRIP.damping] * 3 + [GRIP.angular_damping] * 3)
+        if context.mechanisms[held].free:
+            grip[3:, 3:] -= GRIP.angular_damping * np.outer(turned, turned)
+        return float(np.max(np.abs(np.linalg.eigvals(context.period * late @ (J.T @ grip @ J)))))

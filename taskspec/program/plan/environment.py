@@ -1,0 +1,133 @@
+"""What the environment returns on the axes of a stage: stiffness of contacts, grips, equations."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.geometry.axis import Axis
+from taskspec.program.axes import MOSTLY
+from taskspec.program.context import Context
+from taskspec.program.plan.contacts import StageContacts
+from taskspec.program.plan.kinematics import StageKinematics
+from taskspec.program.plan.set_points import StageSetPoints
+from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.stiffness import GRIP
+from taskspec.shapes.solid import half_sizes, rounding, touched_whole
+
+Vector = NDArray[np.float64]
+
+
+class StageEnvironment:
+    """Nominal stiffness and damping of what a stage presses on, holds or is bound by."""
+
+    def __init__(
+        self,
+        context: Context,
+        frame: FrameModel,
+        kinematics: StageKinematics,
+        contacts: StageContacts,
+        set_points: StageSetPoints,
+        active: Collection[str],
+    ) -> None:
+        """Of a stage.
+
+        Args:
+            context: compliances, mechanisms and equations of the task.
+            frame: of the stage.
+            kinematics: its axes.
+            contacts: what it presses on or holds.
+            set_points: its forces.
+            active: names of the equations that constrain it.
+        """
+        self._context, self._frame, self._kinematics = context, frame, kinematics
+        self._contacts, self._set_points, self._active = contacts, set_points, active
+
+    @cached_property
+    def stiffness(self) -> float:
+        """Nominal stiffness [N/m] of what the stage is about, 0 without any."""
+        return self._stiffness(self._contacts.main)
+
+    def stiffness_of(self, axis: Axis) -> float:
+        """Nominal stiffness [N/m] of what a force on an axis acts on, 0 without any."""
+        return self._stiffness(self._contacts.of(axis) or self.bearers.get(axis))
+
+    def _stiffness(self, contact: str | None) -> float:
+        if contact is not None:
+            return self._context.compliances[contact].stiffness
+        return GRIP.stiffness if self._contacts.gripped else 0.0
+
+    @cached_property
+    def bearers(self) -> dict[Axis, str]:
+        """The equation on the tip that returns the force of an axis, where no object does.
+
+        An equation that constrains the stage is none: its force is a set point of its own.
+        """
+        if self._contacts.gripped or not self._context.equations:
+            return {}
+        alone = (axis for axis in self._contacts.forces if self._contacts.of(axis) is None)
+        return {a: name for a in alone for name in self._context.equations if self._bears(name, a)}
+
+    def _bears(self, equation: str, axis: Axis) -> bool:
+        gradient = self._context.start_equations[equation].gradient
+        if gradient is None or equation in self._active:
+            return False
+        along = self._kinematics.along(axis, gradient)
+        # What the robot applies along the gradient is negative where >= is to hold, (4.125).
+        side = {">=": -1, "<=": 1}.get(self._context.equations[equation].constraint.relation, 0)
+        return abs(along) > MOSTLY and side * along * (self._set_points.of(axis) or 0.0) >= 0
+
+    @cached_property
+    def by_axis(self) -> dict[Axis, float]:
+        """Nominal stiffness along and about each axis [N/m, N m/rad].
+
+        A rotation meets a contact at the tool's radius. Along the way that a held mechanism leaves
+        open there is none.
+        """
+        context, kinematics = self._context, self._kinematics
+        if not self._contacts.gripped:
+            reach = context.robot.tool.reach
+            return {
+                a: self.stiffness_of(a) * reach**2 if a.is_rotation else self.stiffness_of(a)
+                for a in kinematics.axes
+            }
+        open_ways = np.zeros((2, 3))
+        if self._contacts.held:
+            point = self._frame.origin if self._frame.at_origin else context.start_p
+            open_ways = np.array(context.mechanisms[self._contacts.held].open_ways(point))
+        found = {}
+        for a in kinematics.axes:
+            axis = kinematics.rotation[:, a.column]
+            free = abs(float(axis @ open_ways[int(a.is_rotation)])) > MOSTLY
+            k = GRIP.stiffness
+            if a.is_rotation:
+                k = GRIP.angular_stiffness + k * float(
+                    np.sum(np.cross(axis, kinematics.lever) ** 2)
+                )
+            found[a] = 0.0 if free else k
+        return found
+
+    def grip_damping(self, axis: Axis) -> float:
+        """Damping of the grip along or about an axis at the control point [N s/m, N m s/rad]."""
+        if not axis.is_rotation:
+            return GRIP.damping
+        about = np.cross(self._kinematics.rotation[:, axis.column], self._kinematics.lever)
+        return GRIP.angular_damping + GRIP.damping * float(about @ about)
+
+    @cached_property
+    def face(self) -> float:
+        """f r^2 / rounding of a flat tool, f the most that it presses with [N m/rad]; else 0."""
+        contacts, context = self._contacts, self._context
+        tool = context.robot.tool
+        presses = [
+            self._set_points.largest(a)
+            for a in contacts.forces
+            if (name := contacts.of(a)) and touched_whole(context.surfaces[name])
+        ]
+        sizes = half_sizes(tool.solid)
+        if not (tool.flat and presses and sizes) or contacts.gripped:
+            return 0.0
+        return max(presses) * tool.reach**2 / rounding(sizes[1])

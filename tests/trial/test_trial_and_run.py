@@ -1,0 +1,34 @@
+"""A trial comes to what `run` comes to: the same outcome, ticks, verdicts and findings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from taskspec.compiler import admit
+from taskspec.examination import examine
+from taskspec.spec import load_task
+from taskspec_runner.loop.fixed_step import NATIVE
+from taskspec_runner.session import execute_program
+from taskspec_runner.trial.trial import trial
+
+TASKS = sorted((Path(__file__).resolve().parents[2] / "tasks").glob("*.yaml"))
+
+
+def test_there_are_tasks_to_compare():
+    assert len(TASKS) > 40
+
+
+@pytest.mark.parametrize("path", TASKS, ids=lambda path: path.stem)
+def test_a_trial_agrees_with_the_run_of_a_shipped_task(path, tmp_path):
+    program = admit(examine(load_task(path), stability=False))
+    tried = trial(program, loop=NATIVE)
+    run = execute_program(program, tmp_path / "run", report=False, loop=NATIVE)
+    ran = run.outcome
+    assert (tried.outcome.status, tried.outcome.reason) == (ran.status, ran.reason)
+    assert (tried.outcome.text, tried.outcome.stage) == (ran.text, ran.stage)
+    assert (tried.outcome.ticks, tried.outcome.clock) == (ran.ticks, ran.clock)
+    assert tried.judged == tuple(run.judged)
+    assert tried.findings == tuple(run.findings)
+    assert tried.exit_code == run.exit_code
