@@ -470,6 +470,12 @@ def _used_by_children() -> float:
     return used.ru_utime + used.ru_stime
 
 
+def test_codes_of_the_trial_are_chosen_before_one_is_made(tap: Path) -> None:
+    """Each layer registers its codes, and this process has not imported the last one yet."""
+    done = in_a_process("validate", tap, "--static", "--select", "TS508")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_validate_imports_nothing_that_it_does_not_need(tap: Path) -> None:
     code = (
         "import sys; from taskspec_runner.cli import app; app(['validate', sys.argv[1]],"
