@@ -25,7 +25,7 @@ from taskspec.laws import LAWS
 from taskspec.program.worlds import random_world
 from taskspec.spec import load_task
 from taskspec_runner.cli.compare import compare_laws
-from taskspec_runner.cli.options import Comparing
+from taskspec_runner.cli.options import CompareOptions
 from taskspec_runner.compare import PICTURE
 from taskspec_runner.session import execute_program
 from taskspec_runner.video.canvas import backends
@@ -98,7 +98,7 @@ def compare(picture: str, task: Path) -> None:
     """Runs a task under every law and draws all of them as PICTURE.svg."""
     with tempfile.TemporaryDirectory() as folder:
         with redirect_stdout(StringIO()):
-            compare_laws(task, Comparing(out=Path(folder), quiet=True))
+            compare_laws(task, CompareOptions(out=Path(folder), quiet=True))
         shutil.copy(Path(folder) / PICTURE, HERE / f"{picture}.svg")
 
 

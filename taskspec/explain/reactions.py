@@ -13,10 +13,10 @@ from taskspec.control.state import ARM_LENGTH
 from taskspec.deferred_methods import dataclass
 from taskspec.explain.bearing import bearing, gap_at_start, moment_arms
 from taskspec.explain.springs import spring_contact
+from taskspec.expression.tree import Name, walk
 from taskspec.program.plan import StagePlan
 from taskspec.program.walk.nominal import AT_SURFACE
 from taskspec.statics.resistance import gradients
-from taskspec.text.expression.tree import Name, walk
 
 Vector = NDArray[np.float64]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, TypeVar
@@ -131,17 +130,6 @@ class ControlLaw(ABC):
         if self.multipliers:
             return [1.0] * len(axes)
         return give_way(gains, axes, "force.damping")
-
-    def runs_away(self, gains: Mapping[str, float], missing: float) -> float:  # noqa: ARG002
-        """Speed to which a force that is not returned drives a force axis [m/s]; may be infinite.
-
-        The integral of a loop without a spring has nothing that it works against.
-
-        Args:
-            gains: on the axis, by name [SI].
-            missing: f_d - f [N].
-        """
-        return math.inf
 
     def pulls(self, gains: Mapping[str, float], rate: float) -> float:  # noqa: ARG002
         """The force that a motion on a force axis adds to its set point [N].

@@ -73,10 +73,6 @@ class Parallel(ControlLaw):
             return None
         return give_way(gains, axes, "stiffness")
 
-    def runs_away(self, gains: Mapping[str, float], missing: float) -> float:
-        """(k_I / k_m) (f_d - f), (4.49)."""
-        return gains["force.integral"] / gains["stiffness"] * missing
-
     def pulls(self, gains: Mapping[str, float], rate: float) -> float:
         """a.(f - f_d) = -(k_m / k_I) a.x'_d, from (4.39)."""
         return gains["stiffness"] / gains["force.integral"] * rate

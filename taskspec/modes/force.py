@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression, ScopeKind
 from taskspec.modes.key import ModeKey
-from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.units import FORCE, TIME, show
 
 #: A force set point rises from the measured force in this time [s] (docs/language.md).

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression
+from taskspec.expression.tree import Number
 from taskspec.modes.force import Force
 from taskspec.modes.key import Misuse, ModeKey
 from taskspec.modes.mode import (
@@ -17,8 +19,6 @@ from taskspec.modes.mode import (
     StageStart,
     from_start,
 )
-from taskspec.text.expression import Expression
-from taskspec.text.expression.tree import Number
 from taskspec.text.units import FORCE
 
 if TYPE_CHECKING:

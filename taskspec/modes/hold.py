@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression
+from taskspec.expression.tree import Name
 from taskspec.modes.force import Force
 from taskspec.modes.key import Misuse, ModeKey
 from taskspec.modes.mode import (
@@ -18,8 +20,6 @@ from taskspec.modes.mode import (
     StageStart,
     from_start,
 )
-from taskspec.text.expression import Expression
-from taskspec.text.expression.tree import Name
 from taskspec.text.units import FORCE
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
-from taskspec.text.expression import ScopeKind
+from taskspec.expression import ScopeKind
 from taskspec.text.units import NUMBER, Dimension
 
 

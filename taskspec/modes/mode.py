@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression
 from taskspec.motion import blend
-from taskspec.text.expression import Expression
 
 if TYPE_CHECKING:
     from taskspec.geometry.axis import Axis

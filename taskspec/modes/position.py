@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression, ScopeKind
 from taskspec.modes.key import ModeKey
 from taskspec.modes.mode import (
     AxisMode,
@@ -19,7 +20,6 @@ from taskspec.modes.mode import (
     StageStart,
     to_coordinate,
 )
-from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.units import LENGTH
 
 if TYPE_CHECKING:

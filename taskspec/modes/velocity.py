@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression, ScopeKind
 from taskspec.modes.key import ModeKey
 from taskspec.modes.mode import (
     AxisMode,
@@ -18,7 +19,6 @@ from taskspec.modes.mode import (
     from_start,
 )
 from taskspec.motion import blend
-from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.units import VELOCITY
 
 if TYPE_CHECKING:

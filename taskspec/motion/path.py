@@ -14,10 +14,10 @@ import casadi as ca
 import numpy as np
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression
 from taskspec.geometry.axis import Axis
 from taskspec.motion.paths import PathForm
 from taskspec.motion.polynomial import PiecewiseCubic
-from taskspec.text.expression import Expression
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 import casadi as ca
 import numpy as np
 
+from taskspec.expression import Expression, evaluate
+from taskspec.expression.tree import BinaryOp, CompareOp, Held, Name, Reduce
 from taskspec.program.slots import Slots
-from taskspec.text.expression import Expression, evaluate
-from taskspec.text.expression.tree import BinaryOp, CompareOp, Held, Name, Reduce
 
 _BINARY = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
 _COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}

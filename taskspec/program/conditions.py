@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from taskspec.program.interval import ANY, NEVER, Interval, IntervalAlgebra
-from taskspec.text.expression import evaluate, tree
-from taskspec.text.expression.tree import (
+from taskspec.expression import evaluate, tree
+from taskspec.expression.tree import (
     Call,
     Compare,
     Held,
@@ -17,6 +16,7 @@ from taskspec.text.expression.tree import (
     Reduce,
     WithinNode,
 )
+from taskspec.program.interval import ANY, NEVER, Interval, IntervalAlgebra
 
 Lookup = Callable[[Name], Interval]
 Bounds = Mapping[Node, Interval]

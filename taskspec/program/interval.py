@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 from taskspec.deferred_methods import dataclass
-from taskspec.text.expression import FloatAlgebra, tree
+from taskspec.expression import FloatAlgebra, tree
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from taskspec.expression import Expression
+from taskspec.expression.tree import Number
 from taskspec.geometry.axis import Axis
 from taskspec.program.context import Context
 from taskspec.program.flow import followers
 from taskspec.program.known_value import known_value
 from taskspec.spec import Stage, Task
-from taskspec.text.expression import Expression
-from taskspec.text.expression.tree import Number
 
 
 def with_kept_forces(context: Context, name: str) -> Stage:

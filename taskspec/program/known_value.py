@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
+from taskspec.expression import Expression, FloatAlgebra
+from taskspec.expression.evaluate import Lookup, prepared
 from taskspec.program.context import Context
-from taskspec.text.expression import Expression, FloatAlgebra
-from taskspec.text.expression.evaluate import Lookup, prepared
 
 
 class KnownValues:

@@ -9,6 +9,7 @@ import casadi as ca
 
 from taskspec.control.reference import opposite
 from taskspec.deferred_methods import dataclass
+from taskspec.expression.tree import Name
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
 from taskspec.program.interval import Interval, point
@@ -21,7 +22,6 @@ from taskspec.robot.model_terms import TermSymbols
 from taskspec.shapes import Surface
 from taskspec.signals import VECTORS, Entry, MovingPose, Situation, find
 from taskspec.spec import Task
-from taskspec.text.expression.tree import Name
 
 
 class UnknownSignalError(LookupError):

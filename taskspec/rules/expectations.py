@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+from taskspec.expression import Expression, evaluate
+from taskspec.expression.tree import Call, Compare, Held, Name, Node, Reduce, WithinNode, walk
 from taskspec.geometry.axis import as_axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.conditions import bounds_of, names, parts, value_of
@@ -19,8 +21,6 @@ from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.rules.signals import no_such_signal
 from taskspec.signals import CLOCKS
 from taskspec.spec import Expectation
-from taskspec.text.expression import Expression, evaluate
-from taskspec.text.expression.tree import Call, Compare, Held, Name, Node, Reduce, WithinNode, walk
 from taskspec.text.units import FORCE, fitting, show
 
 _ALGEBRA = IntervalAlgebra()

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import casadi as ca
 import numpy as np
 
+from taskspec.expression import Expression
+from taskspec.expression.tree import Name, walk
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY, SkewedAxisError
 from taskspec.program.flow import followers, reached
@@ -19,8 +21,6 @@ from taskspec.rules import Finding, Phase, Place, error, rule, warning
 from taskspec.shapes import SHAPES
 from taskspec.spec import FILE, KeyPath, Stage
 from taskspec.spec.frame import TRACKED
-from taskspec.text.expression import Expression
-from taskspec.text.expression.tree import Name, walk
 from taskspec.text.units import (
     ANGULAR_VELOCITY,
     FORCE,

@@ -6,6 +6,8 @@ import math
 import re
 from collections.abc import Iterator
 
+from taskspec.expression import Expression
+from taskspec.expression.tree import Compare, Held, Name, Node, walk
 from taskspec.geometry.axis import Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.conditions import parts, value_of
@@ -15,8 +17,6 @@ from taskspec.program.signals import constant, entry_of, natural
 from taskspec.rules import Finding, rule, warning
 from taskspec.signals import CLOCKS
 from taskspec.text.diagnostic import Severity
-from taskspec.text.expression import Expression
-from taskspec.text.expression.tree import Compare, Held, Name, Node, walk
 from taskspec.text.units import show
 
 #: Another object may push the other way from this share of its normal on.

@@ -8,13 +8,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.expression.tree import Name, walk
 from taskspec.program.axes import MOSTLY
 from taskspec.program.plan import StagePlan
 from taskspec.program.world.equations import EquationModel
 from taskspec.rules import Finding, rule, warning
 from taskspec.rules.places import motion_of
 from taskspec.signals.entries import TOUCHING
-from taskspec.text.expression.tree import Name, walk
 from taskspec.text.units import show
 
 Vector = NDArray[np.float64]

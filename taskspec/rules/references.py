@@ -9,6 +9,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.expression import Expression
+from taskspec.expression.tree import Name, walk
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.context import Context
@@ -17,8 +19,6 @@ from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE, KeyPath
 from taskspec.text.diagnostic import Severity
-from taskspec.text.expression import Expression
-from taskspec.text.expression.tree import Name, walk
 from taskspec.text.units import LENGTH, TIME, show
 
 Vector = NDArray[np.float64]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from taskspec.expression.tree import Name, walk
 from taskspec.laws.design import INTEGRAL_FREQUENCY
 from taskspec.program.context import Context
 from taskspec.program.flow import leading_to
@@ -13,7 +14,6 @@ from taskspec.program.sensor import SensorModel
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, Stage
-from taskspec.text.expression.tree import Name, walk
 from taskspec.text.units import TIME, scaled, show
 
 

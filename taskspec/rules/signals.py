@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from taskspec.expression import Expression
+from taskspec.expression.tree import Call, Name, Node, children
 from taskspec.geometry.axis import ROTATIONS, Axis, as_axis
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
@@ -11,8 +13,6 @@ from taskspec.program.signals import entry_of
 from taskspec.rules import Finding, Phase, error, rule
 from taskspec.signals import VECTORS
 from taskspec.signals.table import REFERENCE
-from taskspec.text.expression import Expression
-from taskspec.text.expression.tree import Call, Name, Node, children
 
 
 @rule("TS224", "a signal that this stage cannot evaluate", phase=Phase.AXES)

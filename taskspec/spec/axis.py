@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import Field, GetCoreSchemaHandler, PrivateAttr, create_model
 from pydantic_core import CoreSchema, core_schema
 
+from taskspec.expression import Expression
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.modes import (
     AxisMode,
@@ -29,7 +30,6 @@ from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.words import Switch, Word
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text, TruthValue
-from taskspec.text.expression import Expression
 from taskspec.text.nodes import pointer
 from taskspec.text.units import (
     ANGULAR_DAMPING,

@@ -7,6 +7,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression, Problem, ScopeKind, infer, parse
+from taskspec.expression.problem import ExpressionError
+from taskspec.expression.scope import coordinate
+from taskspec.expression.tree import Binary, Equation, Name, walk
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.fields import FrameName
@@ -15,10 +19,6 @@ from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.quantities import Constant
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
-from taskspec.text.expression import Expression, Problem, ScopeKind, infer, parse
-from taskspec.text.expression.problem import ExpressionError
-from taskspec.text.expression.scope import coordinate
-from taskspec.text.expression.tree import Binary, Equation, Name, walk
 from taskspec.text.units import (
     ANGULAR_DAMPING,
     ANGULAR_STIFFNESS,

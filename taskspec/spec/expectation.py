@@ -6,11 +6,11 @@ import re
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression, ScopeKind
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.data import Items, Map
-from taskspec.text.expression import Expression, ScopeKind
 
 _LONGEST_NAME = 64
 NAME_PATTERN = f"^[A-Za-z0-9][A-Za-z0-9_-]{{0,{_LONGEST_NAME - 1}}}$"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, create_model
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import ExpressionError, Problem, ScopeKind, infer, parse
 from taskspec.faults import DEVICES, ENCODER, KINDS, SENSOR, TORQUE, FaultKind, kinds_of
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.spec import values
@@ -18,7 +19,6 @@ from taskspec.spec.quantities import Constant
 from taskspec.spec.words import NameReference, Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Real, Text, Whole
-from taskspec.text.expression import ExpressionError, Problem, ScopeKind, infer, parse
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import (
     ANGLE,

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import ScopeKind
 from taskspec.spec import values
 from taskspec.spec.model import mapping
 from taskspec.spec.parse_context import ParseContext
@@ -13,7 +14,6 @@ from taskspec.spec.words import ENDS
 from taskspec.text import nodes
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Text
-from taskspec.text.expression import ScopeKind
 from taskspec.text.source import Span
 
 register(

@@ -16,10 +16,10 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticCustomError
 
+from taskspec.expression.spelling import KEY_WORDS
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
 from taskspec.text.data import Map
-from taskspec.text.expression.spelling import KEY_WORDS
 from taskspec.text.nodes import Mapping as MappingNode
 from taskspec.text.nodes import Scalar
 from taskspec.text.suggest import suggestion

@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator
 
 from taskspec import signals
+from taskspec.expression.functions import FUNCTIONS, REDUCERS
+from taskspec.expression.scope import CONSTANTS
 from taskspec.spec.fields import MECHANISMS
 from taskspec.spec.model import mapping
 from taskspec.spec.objects import kind_of_object
@@ -16,8 +18,6 @@ from taskspec.text import nodes
 from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.diagnostic import Diagnostics
-from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
-from taskspec.text.expression.scope import CONSTANTS
 from taskspec.text.source import Span
 from taskspec.text.units import UNITS
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import field
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Problem, Scope, ScopeKind
 from taskspec.text import nodes
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Real, Text, TruthValue, Whole
 from taskspec.text.diagnostic import Diagnostics
-from taskspec.text.expression import Problem, Scope, ScopeKind
 from taskspec.text.source import Span
 from taskspec.text.units import Quantity
 

@@ -8,6 +8,9 @@ from pydantic import Field, create_model
 from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression, ScopeKind
+from taskspec.expression.scope import CONSTANTS
+from taskspec.expression.tree import Name, walk
 from taskspec.motion.paths import PathForm, PathKey, all_paths
 from taskspec.spec import values
 from taskspec.spec.joint_targets import JointTargets
@@ -17,9 +20,6 @@ from taskspec.spec.quantities import Constant, Entries, Formula, QuantityList, Q
 from taskspec.spec.words import Free, Word
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map
-from taskspec.text.expression import Expression, ScopeKind
-from taskspec.text.expression.scope import CONSTANTS
-from taskspec.text.expression.tree import Name, walk
 from taskspec.text.nodes import Node, pointer
 from taskspec.text.nodes import Sequence as SequenceNode
 from taskspec.text.units import ANGULAR_VELOCITY, TIME, VELOCITY, alternatives, describe

@@ -6,14 +6,14 @@ from itertools import pairwise
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression, Problem, ScopeKind, check
+from taskspec.expression.intervals import share_of_zero, share_problems
+from taskspec.expression.tree import IntervalNode, Number, SpreadNode, is_share
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Real, Text, Whole
-from taskspec.text.expression import Expression, Problem, ScopeKind, check
-from taskspec.text.expression.intervals import share_of_zero, share_problems
-from taskspec.text.expression.tree import IntervalNode, Number, SpreadNode, is_share
 from taskspec.text.traps import adjoin
 from taskspec.text.units import (
     NUMBER,

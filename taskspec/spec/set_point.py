@@ -7,13 +7,13 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression, ScopeKind
 from taskspec.spec.axis import Ramp
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.model import Model, complete
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.quantities import Formula
 from taskspec.text.data import Map
-from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.nodes import pointer
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import FORCE, MOMENT, fitting

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
+from taskspec.expression import Expression, ScopeKind
 from taskspec.geometry.axis import Axis
 from taskspec.laws import LAWS
 from taskspec.modes import MODES
@@ -25,7 +26,6 @@ from taskspec.spec.templates import USE, WITH
 from taskspec.spec.words import Count, NameReference, Switch, Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Text
-from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.nodes import pointer
 from taskspec.text.units import LENGTH, TIME, alternatives
 

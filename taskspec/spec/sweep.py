@@ -7,6 +7,8 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import FloatAlgebra, Problem, ScopeKind, check, evaluate
+from taskspec.expression.tree import Compare, Name, Node, walk
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.model import Model
@@ -14,8 +16,6 @@ from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.words import Count
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Text
-from taskspec.text.expression import FloatAlgebra, Problem, ScopeKind, check, evaluate
-from taskspec.text.expression.tree import Compare, Name, Node, walk
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import NUMBER
 

@@ -11,13 +11,13 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import ExpressionError, parse
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.names import why_not
 from taskspec.spec.parse_context import ParseContext, kind_of
 from taskspec.text import nodes
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
-from taskspec.text.expression import ExpressionError, parse
 from taskspec.text.nodes import Mapping as MappingNode
 from taskspec.text.nodes import Node, Scalar, Sequence
 from taskspec.text.source import Span

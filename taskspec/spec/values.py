@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import math
 
-from taskspec.spec.parse_context import ParseContext, kind_of, span_of
-from taskspec.text.codes import register
-from taskspec.text.data import Real, Text, Whole
-from taskspec.text.expression import (
+from taskspec.expression import (
     Expression,
     ExpressionError,
     FloatAlgebra,
@@ -18,10 +15,13 @@ from taskspec.text.expression import (
     infer,
     parse,
 )
-from taskspec.text.expression.intervals import interval_problems
-from taskspec.text.expression.parse import Start
-from taskspec.text.expression.scope import CONSTANTS
-from taskspec.text.expression.tree import Name, Node, Number, walk
+from taskspec.expression.intervals import interval_problems
+from taskspec.expression.parse import Start
+from taskspec.expression.scope import CONSTANTS
+from taskspec.expression.tree import Name, Node, Number, walk
+from taskspec.spec.parse_context import ParseContext, kind_of, span_of
+from taskspec.text.codes import register
+from taskspec.text.data import Real, Text, Whole
 from taskspec.text.units import LARGEST, NUMBER, Dimension, Quantity, describe
 
 register({"TS117": "a value that is not finite"})

@@ -11,6 +11,9 @@ from types import MappingProxyType
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import FloatAlgebra, Problem, Scope, ScopeKind, check, evaluate, infer
+from taskspec.expression.intervals import share_of_a_number, share_problems
+from taskspec.expression.tree import Call, IntervalNode, Name, Node, SpreadNode, is_share, walk
 from taskspec.shapes import SHAPES, size_keys
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
@@ -22,9 +25,6 @@ from taskspec.spec.varied import OBJECT, ROBOT, VariedValue
 from taskspec.spec.world import is_free
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Text
-from taskspec.text.expression import FloatAlgebra, Problem, Scope, ScopeKind, check, evaluate, infer
-from taskspec.text.expression.intervals import share_of_a_number, share_problems
-from taskspec.text.expression.tree import Call, IntervalNode, Name, Node, SpreadNode, is_share, walk
 from taskspec.text.suggest import closest, suggestion
 from taskspec.text.units import (
     ANGLE,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 from pydantic import Field, PrivateAttr, create_model
 
+from taskspec.expression import Expression, ScopeKind
 from taskspec.geometry.axis import AXES, ROTATIONS, Axis
 from taskspec.shapes import BoundedSurface, SizeKey, all_shapes, size_keys
 from taskspec.spec.fields import MECHANISMS, RPY, XYZ, MechanismName
@@ -15,7 +16,6 @@ from taskspec.spec.quantities import Constant, Entries, Formula
 from taskspec.spec.sizes import check_sizes
 from taskspec.spec.words import Switch, Word
 from taskspec.text.data import Map
-from taskspec.text.expression import Expression, ScopeKind
 from taskspec.text.nodes import pointer
 from taskspec.text.suggest import closest
 from taskspec.text.units import ANGLE, DAMPING, LENGTH, MASS, NUMBER, STIFFNESS

@@ -16,10 +16,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
-from taskspec.geometry.axis import AXES, Axis
+from taskspec.geometry.axis import AXES
 from taskspec.laws.gains import Gains
 from taskspec.modes import DEFAULT_RAMP
-from taskspec.motion import blend
 from taskspec.program.bound import BoundFunction, evaluated
 from taskspec.program.context import Context
 from taskspec.program.execution.choice import Chooser
@@ -191,42 +190,6 @@ class Operating:
         given = (*self._arguments, self.memory, self.parameters)
         numbers = evaluated(self.stage.closed_form, *given)[2]
         return {name: numbers[where] for name, where in self._fields.items()}
-
-    def set_point_drive(self, axis: Axis) -> Matrix | None:
-        """(n + s,) what a newton more of an axis's set point adds to torque and whole memory.
-
-        As the stage begins its set point is the force at entry, in which the law is linear. None
-        where nothing rises from there.
-        """
-        drive = self._drive(f"force_at_entry.{axis}")
-        return drive if drive is not None and drive.any() else None
-
-    def reference_drive(self, axis: Axis) -> Matrix | None:
-        """(n + s, 2) what a metre more of a motion reference adds to torque and whole memory.
-
-        In the second column what a metre per second more of its rate adds. None where its reference
-        drives nothing.
-        """
-        offset, slope = self._drive(f"offset.{axis}"), self._drive(f"slope.{axis}")
-        if offset is None or slope is None or not offset.any():
-            return None
-        # As a stage begins, a slope of 1 is a rate of 1 and lies `run_out` away.
-        return np.column_stack([offset, slope - float(blend.run_out(0.0)) * offset])
-
-    def _drive(self, slot: str) -> Matrix | None:
-        """(n + s,) what 1 more of a parameter adds as the stage begins; None without that."""
-        stage = self.stage
-        if slot not in stage.parameters:
-            return None
-        begins = self._now.copy()
-        begins[0] = 0.0
-        given, more = [begins, *self._arguments[1:], self.memory], self.parameters.copy()
-        more[stage.parameters.slots[slot]] += 1.0
-        before, after = (
-            np.concatenate(evaluated(stage.closed_form, *given, values)[:2])
-            for values in (self.parameters, more)
-        )
-        return np.asarray(after - before)
 
     def linear(self) -> LinearController:
         """The derivative of torque and memory, one direction after the other."""

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 
 import casadi as ca
@@ -32,8 +30,6 @@ _NOTHING = 1e-200
 _BALANCINGS = 4
 #: More states than this are not looked at.
 MOST_STATES = 200
-#: A loop that has grown to this is not followed any farther [N, N m].
-_WITHOUT_BOUNDS = 1e6
 
 
 class UnfitError(ValueError):
@@ -84,140 +80,7 @@ def one_step(
     Raises:
         UnfitError: it would have more than `MOST_STATES` states.
     """
-    return driven_step(controller, plant, sensor, samples=samples).F
-
-
-@dataclass(frozen=True, slots=True)
-class DrivenStep:
-    """x[k+1] = F x[k] + E u[k]; the wrench of the environment on the tip in that is C x + D u.
-
-    Attributes:
-        F: (size, size) see `one_step`.
-        E: (size, k) from the inputs.
-        C, D: (6, size), (6, k) world axes [N, N m].
-    """
-
-    F: Matrix
-    E: Matrix
-    C: Matrix
-    D: Matrix
-
-
-@dataclass(frozen=True, slots=True)
-class Drive:
-    """What drives a loop from outside, beside what it measures.
-
-    Attributes:
-        moves: an object that moves; its inputs are where it has moved to, towards the tool, and how
-            fast [m, m/s]. Empty for none.
-        control: (n + m, k) what each further input adds to torque and memory.
-    """
-
-    moves: str = ""
-    control: Matrix | None = None
-
-
-_UNDRIVEN = Drive()
-
-
-def response(
-    controller: LinearController,
-    plant: LinearPlant,
-    sensor: SensorModel,
-    drive: Drive,
-    inputs: Matrix,
-    rates: Matrix | None = None,
-) -> Matrix:
-    """(N, 6) what the wrench of the environment on the tip changes by, world axes [N, N m].
-
-    Args:
-        controller: the stage.
-        plant: what it drives.
-        sensor: between them.
-        drive: what the inputs are.
-        inputs: (N, k) at each tick.
-        rates: (n,) of the joints before the first tick; None for rest.
-
-    Raises:
-        UnfitError: the loop would have more than `MOST_STATES` states, or grows without bounds.
-    """
-    # A sensor that holds takes a sample in the first of so many ticks.
-    steps = [
-        driven_step(controller, plant, sensor, drive, samples=first)
-        for first in (True, False)[: min(sensor.hold_ticks, 2)]
-    ]
-    start = np.zeros(len(steps[0].F))
-    if rates is not None:
-        start[plant.size : plant.size + plant.n] = rates
-    taken = slice(None, None, sensor.hold_ticks)
-    pushes = inputs @ steps[-1].E.T
-    pushes[taken] = inputs[taken] @ steps[0].E.T
-    wrenches = inputs @ steps[-1].D.T
-    wrenches[taken] = inputs[taken] @ steps[0].D.T
-    # What grows without bounds overflows, and is refused below.
-    with np.errstate(over="ignore", invalid="ignore"):
-        wrenches += _followed(steps, sensor.hold_ticks, start, pushes)
-    if not np.abs(wrenches).max(initial=0.0) <= _WITHOUT_BOUNDS:
-        raise UnfitError("numbers without bounds")
-    return wrenches
-
-
-def _followed(steps: Sequence[DrivenStep], hold: int, start: Matrix, pushes: Matrix) -> Matrix:
-    """(N, 6) C x[k] of x[k+1] = F x[k] + p[k].
-
-    By blocks of ticks, all at once: each from rest, and what it begins with on top of that. That
-    takes some sqrt(N) products of matrices instead of N with vectors.
-
-    Args:
-        steps: those of every tick that `hold` divides, then those of the others, if there are any.
-        hold: in ticks.
-        start: (size,) x[0].
-        pushes: (N, size) p.
-    """
-    N, size = pushes.shape
-    # The powers of F cost size**3 each.
-    length = max(round(min(math.sqrt(N), N / size) / hold), 1) * hold
-    count = max(-(-N // length), 1)
-    padded = np.zeros((count * length, size))
-    padded[:N] = pushes
-    of_tick = padded.reshape(count, length, size)
-    wrenches = np.empty((count, length, 6))
-    x, power, seen = np.zeros((count, size)), np.eye(size), []
-    for k in range(length):
-        step = steps[min(k % hold, len(steps) - 1)]
-        wrenches[:, k] = x @ step.C.T
-        seen.append(step.C @ power)
-        x = x @ step.F.T + of_tick[:, k]
-        power = step.F @ power
-    starts = np.empty((count, size))
-    starts[0] = start
-    for before, after, driven in zip(starts[:-1], starts[1:], x, strict=False):
-        after[:] = power @ before + driven
-    wrenches += (starts @ np.vstack(seen).T).reshape(count, length, 6)
-    return wrenches.reshape(count * length, 6)[:N]
-
-
-def driven_step(
-    controller: LinearController,
-    plant: LinearPlant,
-    sensor: SensorModel,
-    drive: Drive = _UNDRIVEN,
-    *,
-    samples: bool,
-) -> DrivenStep:
-    """One period of control of a loop that is driven from outside.
-
-    Args:
-        controller: the stage.
-        plant: what it drives.
-        sensor: between them.
-        drive: what the inputs are.
-        samples: whether a sensor that holds takes a new sample in this period.
-
-    Raises:
-        UnfitError: it would have more than `MOST_STATES` states.
-    """
-    A, B, moved = plant.moved_step(drive.moves)
+    A, B = plant.step()
     n, c, e, m = plant.n, plant.size, plant.equations, len(controller.slots)
     basis = _channels(controller, np.hstack([A[2 * c : 2 * c + 6], B[2 * c : 2 * c + 6]]))
     r = basis.shape[1]
@@ -241,24 +104,13 @@ def driven_step(
     torque = controller.torque @ measured_rows
     out = B @ torque
     out[:, : 2 * c] += A
-    control = np.zeros((n + m, 0)) if drive.control is None else drive.control
-    step = np.zeros((size, size + moved.shape[1] + control.shape[1]))
-    driven = np.hstack([out, moved, B @ control[:n]])
-    step[: 2 * c] = driven[: 2 * c]
-    step[at_w:at_e] = basis.T @ driven[2 * c : 2 * c + 6]
-    step[at_e:at_s] = driven[2 * c + 6 :]
+    step = np.zeros((size, size))
+    step[: 2 * c] = out[: 2 * c]
+    step[at_w:at_e] = basis.T @ out[2 * c : 2 * c + 6]
+    step[at_e:at_s] = out[2 * c + 6 :]
     step[at_s:at_m, at_s:at_m], step[at_s:at_m, at_w:at_e] = update[:, :kept], update[:, kept:]
-    step[at_m:, :size] = controller.memory @ measured_rows
-    step[at_m:, size + moved.shape[1] :] = control[n:]
-    F, E = step[:, :size], step[:, size:]
-    if not E.shape[1]:
-        return DrivenStep(F, E, driven[2 * c : 2 * c + 6, :size], E[:6])
-    # The wrench of the environment, whatever a sensor at the wrist adds to it.
-    A, B, moved = replace(plant, tool=None).moved_step(drive.moves)
-    rows = slice(2 * c, 2 * c + 6)
-    C = B[rows] @ torque
-    C[:, : 2 * c] += A[rows]
-    return DrivenStep(F, E, C, np.hstack([moved[rows], B[rows] @ control[:n]]))
+    step[at_m:] = controller.memory @ measured_rows
+    return step
 
 
 def states(controller: LinearController, plant: LinearPlant, sensor: SensorModel) -> int:

@@ -93,34 +93,19 @@ class LinearPlant:
             the torque (n,) to the next ones, the wrench that a sensor at the tip has in the last
             step of the plant, and what the robot applies along each of the e equations.
         """
-        return self.moved_step("")[:2]
-
-    def moved_step(self, moves: str) -> tuple[Matrix, Matrix, Matrix]:
-        """The same as `step`, and E (2c + 6 + e, 2): from where an object has moved and how fast.
-
-        Args:
-            moves: the object, which comes by s [m] towards the tool, with the speed s' [m/s] all
-                through the period; empty for none.
-        """
         c, h, n = self.size, self.period, self.n
-        mask = [np.full(len(r.G), float(r.name == moves and not r.rubs)) for r in self.rows]
-        nearer = np.concatenate([np.zeros(0), *mask])[:, None]
-        inputs = 2 if moves else 0
         G = np.vstack([np.zeros((0, c)), *(r.G for r in self.rows)])
         K, B, M = (_blocks([getattr(r, k) for r in self.rows]) for k in "KBM")
         turning = sum((r.turning for r in self.rows), np.zeros((6, c)))
         bending = sum((r.bending for r in self.rows), np.zeros((c, c)))
-        now = np.eye(2 * c + n + inputs)
-        position, rate, torque = now[:c], now[c : 2 * c], now[2 * c : 2 * c + n]
-        where, speed = now[-2:-1], now[-1:]
+        now = np.eye(2 * c + n)
+        position, rate, torque = now[:c], now[c : 2 * c], now[2 * c :]
         on_joints = np.vstack([torque, np.zeros((c - self.n, now.shape[1]))])
         inertia = self.H + G.T @ M @ G
         implicit = self.H + h * np.diag(self.damping)
         y, v = position, rate
-        for i in range(self.steps):
+        for _ in range(self.steps):
             spring = K @ G @ y + B @ G @ v
-            if moves:
-                spring = spring - K @ nearer @ (where + i * h * speed) - B @ nearer @ speed
             free = on_joints - self.damping[:, None] * v + bending @ y
             a = np.linalg.solve(inertia, free - G.T @ spring)
             f = -(spring + M @ G @ a)
@@ -132,7 +117,7 @@ class LinearPlant:
         if self.tool is not None:
             wrench = wrench - self.tool @ self.J @ a[: self.n]
         out = np.vstack([y, v, wrench, self._reactions(f)])
-        return out[:, : 2 * c], out[:, 2 * c : 2 * c + n], out[:, 2 * c + n :]
+        return out[:, : 2 * c], out[:, 2 * c :]
 
     def _wrench(self, f: Matrix) -> Matrix:
         W = np.hstack([np.zeros((6, 0)), *(r.W for r in self.rows)])

@@ -21,7 +21,7 @@ from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import AxisEntry, Task
 from taskspec.stability.controller import LinearController, Operating
 from taskspec.stability.environment import HELD, linear_plant
-from taskspec.stability.loop import Drive, Mode, modes, poles, response
+from taskspec.stability.loop import Mode, modes, poles
 from taskspec.stability.plant import LinearPlant
 from taskspec.stability.points import Touched, touching
 
@@ -33,41 +33,6 @@ _ALIKE = 1e-6
 LEAST_PRESS = 1.0
 #: Slower than this is the creep of a tool that friction holds [m/s].
 _SLIDES = 1e-5
-
-
-@dataclass(frozen=True, slots=True)
-class SetPointDrive:
-    """A set point that changes.
-
-    Attributes:
-        axis: a force axis.
-        inputs: (N, 1) by how much it is more at each tick [N, N m].
-    """
-
-    axis: Axis
-    inputs: Matrix
-
-    def column(self, at: Operating) -> Matrix | None:
-        """(n + s, 1) what 1 more adds to torque and whole memory; None where that is nothing."""
-        found = at.set_point_drive(self.axis)
-        return None if found is None else found[:, None]
-
-
-@dataclass(frozen=True, slots=True)
-class ReferenceDrive:
-    """A motion reference that moves.
-
-    Attributes:
-        axis: a motion axis.
-        inputs: (N, 2) where it has moved to at each tick [m, rad], and its rate [m/s, rad/s].
-    """
-
-    axis: Axis
-    inputs: Matrix
-
-    def column(self, at: Operating) -> Matrix | None:
-        """(n + s, 2) what 1 more adds to torque and whole memory; None where that is nothing."""
-        return at.reference_drive(self.axis)
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,54 +127,6 @@ class SampledStage:
         sensor = SensorModel.of(task.robot.sensor, self.context.period)
         plant = self.plant(task) if plant is None else plant
         return self.controller, plant, sensor, self.context.period
-
-    def moved(self, name: str, way: Matrix) -> Matrix:
-        """(N,) what a contact bears more than at rest while its surface moves [N].
-
-        Args:
-            name: of the contact.
-            way: (N,) by how much its surface has come towards the tool at each tick [m].
-
-        Raises:
-            UnfitError: the loop has too many states.
-        """
-        controller, plant, sensor, period = self._loop(None, None)
-        inputs = np.column_stack([way, np.diff(way, append=way[-1]) / period])
-        wrench = response(controller, plant, sensor, Drive(moves=name), inputs)
-        return np.asarray(wrench[:, :3] @ self.context.start_normals[name])
-
-    def follows(
-        self, axis: Axis, drives: Sequence[SetPointDrive | ReferenceDrive], twist: Matrix
-    ) -> Matrix | None:
-        """(N,) force that is applied on an axis while its set point or references change [N, N m].
-
-        The stage is at its equilibrium before the first tick, and forces count from there. None
-        where the first of the drives drives nothing.
-
-        Args:
-            axis: an axis.
-            drives: what changes, that of the axis itself first.
-            twist: (6,) of the tip before the first tick, world axes [m/s, rad/s].
-
-        Raises:
-            UnfitError: the loop has too many states, or grows without bounds.
-        """
-        columns = [each.column(self.at) for each in drives]
-        if columns[0] is None:
-            return None
-        driven = [(d, c) for d, c in zip(drives, columns, strict=True) if c is not None]
-        controller, plant, sensor, _ = self._loop(None, None)
-        heeded = [*range(plant.n), *(plant.n + slot for slot in controller.slots)]
-        # The joints' rates that give the tip its twist with the least energy.
-        J, H = self.context.start_jacobian, self.context.start_inertia
-        W = np.linalg.solve(H, J.T)
-        rates = W @ np.linalg.lstsq(J @ W, twist, rcond=_ALIKE)[0]
-        control = Drive(control=np.hstack([c for _, c in driven])[heeded])
-        inputs = np.hstack([d.inputs for d, _ in driven])
-        wrench = response(controller, plant, sensor, control, inputs, rates)
-        part = slice(3, 6) if axis.is_rotation else slice(0, 3)
-        # The robot applies the opposite of what acts on the tool.
-        return np.asarray(-wrench[:, part] @ self.rotation[:, axis.column])
 
     def free(self) -> SampledStage:
         """The same stage before it meets its contact."""

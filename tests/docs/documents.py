@@ -18,10 +18,10 @@ import pytest
 
 from taskspec.compiler import admit
 from taskspec.examination import examine
+from taskspec.expression import FloatAlgebra, evaluate, parse
 from taskspec.spec import LoadedTask, load_text
 from taskspec.spec.model import Model
 from taskspec.text.diagnostic import Severity, SpecError
-from taskspec.text.expression import FloatAlgebra, evaluate, parse
 from taskspec.text.units import NUMBER, parse_unit
 
 ROOT = Path(__file__).resolve().parent.parent.parent

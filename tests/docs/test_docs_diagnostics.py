@@ -12,8 +12,8 @@ import pytest
 from diagnostic_pages import FAMILIES, INDEX, PAGES, Page, diagnostics_of, index, page, shown_of
 
 from taskspec.text.codes import CODES
-from taskspec_runner.cli.pages import page as shown
-from taskspec_runner.cli.pages import severities_of
+from taskspec_runner.cli.codes import page as shown
+from taskspec_runner.cli.codes import severities_of
 
 ROOT = Path(__file__).resolve().parents[2]
 

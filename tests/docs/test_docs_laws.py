@@ -23,6 +23,7 @@ from documents import (
 from test_docs_keys import units_needed
 
 from taskspec.control.state import ARM_LENGTH
+from taskspec.expression import Expression, parse
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws import LAWS
 from taskspec.laws.gains import AxisPlant
@@ -31,7 +32,6 @@ from taskspec.program.reference.constraints import FORCED, NAMED, UNNAMED, weigh
 from taskspec.program.stages import candidates
 from taskspec.spec import AxisEntry, Law
 from taskspec.spec.law import ForceGains
-from taskspec.text.expression import Expression, parse
 from taskspec.text.units import FORCE, split_quantity
 
 PAGES = ROOT / "docs" / "laws"

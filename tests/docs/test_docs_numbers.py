@@ -15,6 +15,7 @@ from taskspec import signals
 from taskspec.compiler import compile_task
 from taskspec.control import null_space
 from taskspec.control.state import ARM_LENGTH
+from taskspec.expression import Expression, parse
 from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.laws import LAWS
 from taskspec.laws.gains import AxisPlant
@@ -31,7 +32,6 @@ from taskspec.spec.equation import EquationObject
 from taskspec.spec.gains import AxisValues
 from taskspec.spec.law import NULL_SPACE_GOALS
 from taskspec.spec.world import Shape
-from taskspec.text.expression import Expression, parse
 from taskspec.text.units import FORCE, split_quantity, to_si
 from taskspec_runner.cli import guard
 from taskspec_runner.compare import folder as compared

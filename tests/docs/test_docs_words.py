@@ -19,6 +19,7 @@ from documents import (
 from signal_tables import with_tables
 
 from taskspec import signals
+from taskspec.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.laws import LAWS
 from taskspec.robot import builtin_robots
 from taskspec.spec import Robot, Task
@@ -27,7 +28,6 @@ from taskspec.spec.model import Model
 from taskspec.spec.robot import Noise, Payload, Pose, Sensor, Start, Tool
 from taskspec.text.confines import VARIABLE
 from taskspec.text.diagnostic import SpecError
-from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.text.units import UNITS
 
 

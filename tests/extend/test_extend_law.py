@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import pytest
 from extension import column
 
@@ -59,10 +57,6 @@ class Proportional(ControlLaw):
         error = desired - measured
         wrench = desired + p * error - d * state.velocity
         return Command(acceleration=acceleration, wrench=wrench)
-
-    def runs_away(self, gains: Mapping[str, float], missing: float) -> float:
-        """(1 + p) (f_d - f) / d: the damper stops it from growing."""
-        return (1 + gains["force.proportional"]) * missing / gains["force.damping"]
 
 
 def define() -> None:

@@ -48,7 +48,7 @@ def test_pages_of_the_codes_are_inside(names):
 def test_data_of_the_packages_is_inside(names):
     for name in (
         "taskspec/py.typed",
-        "taskspec/text/expression/grammar.lark",
+        "taskspec/expression/grammar.lark",
         "taskspec/robot/models/panda.xml",
         "taskspec_runner/pages/page.css",
         "taskspec_runner/pages/picture.css",

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from taskspec.expression import FloatAlgebra, evaluate, parse
 from taskspec.program.conditions import value_of
 from taskspec.program.interval import ANY, MAYBE, NEVER, Interval, IntervalAlgebra
-from taskspec.text.expression import FloatAlgebra, evaluate, parse
 
 #: Outward by rounding: products and sums of numbers below 100 err by less than this.
 _ROUNDING = 1e-9

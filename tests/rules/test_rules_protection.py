@@ -6,15 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from taskspec.foresight.commanded import commanded, commanded_joints
 
 from taskspec.compiler import compile_task
-from taskspec.examination import check_task
 from taskspec.spec import load_text
 from taskspec.spec.protection_file import builtin_protections
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
+from taskspec_runner.trial.check import check
 from taskspec_runner.verdict.protected import sentences
 
 ARM = """\
@@ -47,7 +46,7 @@ def task(text: str, protection: str) -> str:
 
 
 def codes(text: str) -> list[str]:
-    return [each.code for each in check_task(load_text(text, "task.yaml"))]
+    return [each.code for each in check(load_text(text, "task.yaml")).findings]
 
 
 def run(text: str, out: Path, loop: str | None = None) -> Run:
@@ -81,39 +80,28 @@ stages:
 
 @pytest.mark.parametrize("rate", [100, 60, 0, -50])
 def test_a_stage_goes_on_from_the_rate_before(rate, tmp_path):
-    """The references of a run, over the change of stage; at the same rate there is nothing."""
+    """Accelerations are those of a run's references, over the change of stage too."""
     text = task(HANDED, "{source: s, tip: {speed: 9 m/s}}").replace("RATE", str(rate))
-    plan = compile_task(load_text(text, "task.yaml")).stages[1].plan
-    course = commanded(plan)
-    assert course is not None
-    found = float(np.abs(course.accelerations[:, 0]).max())
-    columns = run(text, tmp_path / "run").columns
-    reference = columns["velocity.x.ref"][400:]
-    # Those of the first tick differ by half a period of what it changes by.
-    assert found == pytest.approx(np.abs(np.diff(reference)).max() / 1e-3, rel=0.02, abs=1e-6)
-    assert (found < 1e-6) == (rate == 100)
-    # Of rest 100 mm/s would ask as much as the first stage does, which is the one that is told.
-    first = commanded(compile_task(load_text(text, "task.yaml")).stages[0].plan)
-    assert first is not None
-    bound = 0.9 * float(np.abs(first.accelerations[:, 0]).max())
-    strict = text.replace("speed: 9 m/s", f"acceleration: {bound} m/s^2")
-    assert codes(strict).count("TS443") == 1 + (found > bound)
+    reference = run(text, tmp_path / "run").columns["velocity.x.ref"]
+    most = float(np.abs(np.diff(reference[500:])).max()) / 1e-3
+    assert (most < 1e-6) == (rate == 100)
+    # The first stage rises from rest, which is the largest change for small ones.
+    largest = float(np.abs(np.diff(reference)).max()) / 1e-3
+    for share in (0.95, 1.05):
+        bound = text.replace("speed: 9 m/s", f"acceleration: {share * largest:.6f} m/s^2")
+        assert ("TS443" in codes(bound)) == (share < 1)
 
 
 def test_joints_are_those_of_a_run(tmp_path):
-    """The arm of a run follows the references: its joints are as fast, and get so as fast."""
+    """The arm of a run follows the references: its joints get as fast as they ask for, to 10 %."""
     # An arm without joints to spare does nothing beside.
     text = task(MOVE, "{source: s, joints: {speed: 9 rad/s}}").replace("panda", "ur5e")
-    stage = compile_task(load_text(text, "task.yaml")).stages[0].plan
-    course = commanded(stage)
-    assert course is not None
-    found = np.max([piece.most for piece in commanded_joints(stage, course)], axis=0)
     window = run(text, tmp_path / "run").columns
     v = np.array([window[f"joint.{i + 1}.velocity"] for i in range(6)])
-    # J^ is that of an instant beside, at most 1/20 of the way on.
-    assert found[0] == pytest.approx(np.abs(v).max(axis=1), rel=0.05, abs=5e-3)
-    measured = np.abs(np.diff(v, axis=1)).max(axis=1) / 1e-3
-    assert found[1] == pytest.approx(measured, rel=0.1, abs=0.05 * measured.max())
+    most = float(np.abs(np.diff(v, axis=1)).max()) / 1e-3
+    for share in (0.9, 1.1):
+        bound = text.replace("speed: 9 rad/s", f"acceleration: {share * most:.5f} rad/s^2")
+        assert ("TS443" in codes(bound)) == (share < 1)
 
 
 def test_set_points_are_held_against_reflex_and_range():
@@ -122,8 +110,7 @@ def test_set_points_are_held_against_reflex_and_range():
         assert codes(task(PRESS, f"{{source: s, {group}: {{force: 18 N}}}}")) == []
 
 
-def test_torque_rates_are_those_of_the_task_run_ahead(tmp_path):
-    """What the rehearsal says a rate is, the simulator has: 5 % are the plain plant's."""
+def test_torque_rates_are_those_of_a_run(tmp_path):
     made = run(task(PRESS, "{source: s, joints: {torque_rate: 5000 N*m/s}}"), tmp_path / "run")
     window = made.columns
     torques = np.array([window[f"joint.{i + 1}.torque"] for i in range(7)])

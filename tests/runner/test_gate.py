@@ -21,7 +21,7 @@ from taskspec.text.diagnostic import SpecError
 from taskspec_runner import session
 from taskspec_runner.cli import app
 from taskspec_runner.cli.formats import OutcomeFormat
-from taskspec_runner.cli.options import InWorld, Kept
+from taskspec_runner.cli.options import RecordOptions, WorldOptions
 from taskspec_runner.cli.run import run_task
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
@@ -90,7 +90,9 @@ def test_what_python_refuses_the_command_line_refuses(
         taskspec_runner.run(load(path, overrides))
     assert [d.code for d in caught.value.diagnostics] == codes
     sets = ["=".join(pair) for pair in overrides.items()]
-    exit_code = run_task(path, InWorld(sets), Kept(quiet=True, form=OutcomeFormat.JSON))
+    exit_code = run_task(
+        path, WorldOptions(sets), RecordOptions(quiet=True, form=OutcomeFormat.JSON)
+    )
     output = capsys.readouterr()
     data = json.loads(output.out)
     assert (exit_code, data["exit_code"]) == (1, 1)

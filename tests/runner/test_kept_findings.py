@@ -11,7 +11,7 @@ import pytest
 from taskspec import kept_findings
 from taskspec.store import VARIABLE
 from taskspec.text import confines
-from taskspec_runner.cli.options import Tried
+from taskspec_runner.cli.options import ValidateOptions
 from taskspec_runner.cli.validate import examine
 from taskspec_runner.trial import check
 
@@ -120,10 +120,10 @@ def test_options_count_and_findings_about_them_name_their_file(
     task, other = folder / "task.yaml", folder / "other.yaml"
     other.write_text(FILE.replace("350", "351"))
     options = (
-        Tried(),
-        Tried(sets=("stages.go.time=-1 s",)),
-        Tried(sets=("robot.start.xyz=[340 mm, 0, 0]",)),
-        Tried(law="impedance"),
+        ValidateOptions(),
+        ValidateOptions(sets=("stages.go.time=-1 s",)),
+        ValidateOptions(sets=("robot.start.xyz=[340 mm, 0, 0]",)),
+        ValidateOptions(law="impedance"),
     )
     found = [examine([task, other], each) for each in options]
     assert len({repr(each) for each in found}) == len(options)

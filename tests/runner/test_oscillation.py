@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pytest
-from taskspec.analysis import oscillation as oscillations
 from typer.testing import CliRunner
 
 from taskspec.compiler import admit, compile_unchecked
@@ -17,6 +16,7 @@ from taskspec_runner.cli.app import app
 from taskspec_runner.report.page import render
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute_program
+from taskspec_runner.verdict import oscillation as oscillations
 from taskspec_runner.verdict.oscillation import LEAST_TICKS, References, oscillation
 from taskspec_runner.verdict.run_finding import read_finding
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from taskspec.expression import FloatAlgebra, evaluate
 from taskspec.spec import FILE, LoadedTask, Robot, Shape, Start, key_of, load_task, load_text
 from taskspec.spec.stage import Within
 from taskspec.text.diagnostic import SpecError
-from taskspec.text.expression import FloatAlgebra, evaluate
 from taskspec.text.source import Span
 from taskspec.text.units import ANGLE, FORCE, LENGTH, Quantity
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from taskspec.expression import FloatAlgebra, evaluate
 from taskspec.spec import LoadedTask, load_task, load_text
 from taskspec.text.diagnostic import SpecError
-from taskspec.text.expression import FloatAlgebra, evaluate
 
 OK = Path(__file__).parent.parent / "corpus" / "ok"
 HEAD = "taskspec: 1\nrobot: {model: panda}\nstages: {wait: {time: 1 s}}\n"

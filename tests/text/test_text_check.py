@@ -2,8 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from taskspec.signals import SCALARS, VECTORS
-from taskspec.text.expression import (
+from taskspec.expression import (
     FloatAlgebra,
     Scope,
     ScopeKind,
@@ -14,6 +13,7 @@ from taskspec.text.expression import (
     resolve,
     tree,
 )
+from taskspec.signals import SCALARS, VECTORS
 from taskspec.text.units import (
     ANGLE,
     FORCE,

@@ -7,11 +7,11 @@ import pickle
 
 import pytest
 
+from taskspec.expression.problem import ExpressionError
 from taskspec.store import VARIABLE, Store
-from taskspec.text.expression.problem import ExpressionError
 
 # The package has a function of that name.
-parse = importlib.import_module("taskspec.text.expression.parse")
+parse = importlib.import_module("taskspec.expression.parse")
 
 TEXTS = {
     "logic": ("gap < 1 mm and not (x for 3 s)", "force.z within 5 N +- 10 %", "a < b < c", "x =="),

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from taskspec.text.expression import ExpressionError, FloatAlgebra, evaluate, parse, tree
-from taskspec.text.expression.parse import MAX_DEPTH, MAX_LENGTH, Start
-from taskspec.text.expression.tree import children, walk
+from taskspec.expression import ExpressionError, FloatAlgebra, evaluate, parse, tree
+from taskspec.expression.parse import MAX_DEPTH, MAX_LENGTH, Start
+from taskspec.expression.tree import children, walk
 from taskspec.text.units import FORCE, LENGTH, STIFFNESS
 
 

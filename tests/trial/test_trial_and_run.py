@@ -25,10 +25,12 @@ def test_a_trial_agrees_with_the_run_of_a_shipped_task(path, tmp_path):
     program = admit(examine(load_task(path), stability=False))
     tried = trial(program, loop=NATIVE)
     run = execute_program(program, tmp_path / "run", report=False, loop=NATIVE)
-    ran = run.outcome
-    assert (tried.outcome.status, tried.outcome.reason) == (ran.status, ran.reason)
-    assert (tried.outcome.text, tried.outcome.stage) == (ran.text, ran.stage)
-    assert (tried.outcome.ticks, tried.outcome.clock) == (ran.ticks, ran.clock)
-    assert tried.judged == tuple(run.judged)
-    assert tried.findings == tuple(run.findings)
-    assert tried.exit_code == run.exit_code
+    summary = run.summary
+    assert tried.outcome.status == summary["status"]
+    assert tried.outcome.ticks == summary["ticks"]
+    ending = summary["ending"]
+    assert (tried.outcome.reason, tried.outcome.stage) == (ending["reason"], ending["stage"])
+    assert tried.outcome.clock == ending["clock"]
+    assert [each.as_data() for each in tried.judged] == summary["expectations"]
+    assert [each.as_data() for each in tried.findings] == summary["findings"]
+    assert tried.exit_code == summary["exit_code"]

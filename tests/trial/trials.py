@@ -13,7 +13,7 @@ from taskspec_runner.trial.check import check
 @lru_cache(maxsize=64)
 def checked(text: str) -> Examination:
     """Everything that is found about a task."""
-    return check(load_text(text))
+    return check(load_text(text, "task.yaml"))
 
 
 def found(text: str, code: str) -> Diagnostic:
@@ -27,15 +27,10 @@ def serious(text: str) -> list[str]:
     return [each.code for each in checked(text).findings if each.severity is not Severity.INFO]
 
 
-def line_of(text: str, piece: str) -> int:
-    """The number, from 1, of the one line of a text that has a piece."""
-    (only,) = (i for i, line in enumerate(text.splitlines(), 1) if piece in line)
-    return only
-
-
-def place_of(finding: Diagnostic) -> tuple[int, str]:
-    """Line of a finding and the text that it points at."""
-    assert finding.span is not None
+def place_of(finding: Diagnostic, text: str) -> tuple[int, str]:
+    """Line of a finding, from 1, and what of it the finding points at."""
     span = finding.span
-    line = span.source.line(span.line) if hasattr(span.source, "line") else ""
+    assert span is not None
+    assert span.line == span.end_line
+    line = text.splitlines()[span.line - 1]
     return span.line, line[span.column - 1 : span.end_column - 1]

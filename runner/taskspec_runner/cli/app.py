@@ -47,8 +47,8 @@ def _taskspec(
 def run(
     *,
     file: options.TaskFile,
-    given: options.InWorld,
-    kept: options.Kept,
+    given: options.WorldOptions,
+    kept: options.RecordOptions,
     video: Annotated[
         Path | None,
         typer.Option(metavar="OUT.MP4", help="Draw the run as a video when it has ended."),
@@ -57,7 +57,7 @@ def run(
     loop: Annotated[
         LoopName, typer.Option(help="Machine code where there is some, or one of the two.")
     ] = LoopName.AUTO,
-    robot: options.Robot,
+    robot: options.RobotOptions,
 ) -> int:
     """Run a task in simulation, record it and judge what it expects."""
     from taskspec_runner.cli.run import Connection, run_task
@@ -71,9 +71,9 @@ def run(
 def plant(
     *,
     file: options.TaskFile,
-    served: options.Served,
-    given: options.InWorld,
-    kept: options.Kept,
+    served: options.PlantOptions,
+    given: options.WorldOptions,
+    kept: options.RecordOptions,
     force: options.Force = False,
 ) -> int:
     """Serve a task's plant: whoever answers with torques drives it, and is judged by the file."""
@@ -89,7 +89,7 @@ def sweep(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE", help="The task file; with --merge folders.")
     ],
-    sweeping: options.Sweeping,
+    sweeping: options.SweepOptions,
 ) -> int:
     """Run a task in many worlds of its 'vary': how likely it succeeds, and on what that depends."""
     from taskspec_runner.cli.sweep import merge_parts, sweep_task
@@ -102,7 +102,7 @@ def sweep(
 
 
 @_command
-def compare(*, file: options.TaskFile, comparing: options.Comparing) -> int:
+def compare(*, file: options.TaskFile, comparing: options.CompareOptions) -> int:
     """Run a task under several laws: one table and one picture, and which law cannot and why."""
     from taskspec_runner.cli.compare import compare_laws
 
@@ -116,7 +116,7 @@ def validate(
         list[Path],
         typer.Argument(metavar="PATH...", help="Task files, or folders of them; - reads one."),
     ],
-    how: options.Tried,
+    how: options.ValidateOptions,
     form: Annotated[DiagnosticFormat, typer.Option("--format", help="Of the findings.")] = (
         DiagnosticFormat.FULL
     ),
@@ -148,9 +148,9 @@ def test(
     paths: Annotated[
         list[Path], typer.Argument(metavar="PATH...", help="Task files, or folders of them.")
     ],
-    chosen: options.Chosen,
-    reported: options.Reported,
-    given: options.Seeded,
+    chosen: options.ChoiceOptions,
+    reported: options.ReportOptions,
+    given: options.SeededOptions,
 ) -> int:
     """Run task files as tests: every expectation is a case."""
     from taskspec_runner.cli.test import run_tests
@@ -169,7 +169,7 @@ def explain(
             autocompletion=completions.codes,
         ),
     ],
-    given: options.Given,
+    given: options.TaskOptions,
     form: Annotated[RunFormat, typer.Option("--format", help="Of the explanation.")] = (
         RunFormat.TEXT
     ),
@@ -275,7 +275,7 @@ def judge(
             show_default="runs/NAME-measured",
         ),
     ] = None,
-    given: options.Overrides,
+    given: options.OverrideOptions,
     quiet: options.Quiet = False,
     form: Annotated[RunFormat, typer.Option("--format", help="Of the judgement.")] = RunFormat.TEXT,
 ) -> int:
@@ -335,7 +335,7 @@ def replay(
         Path | None, typer.Option(metavar="OUT.MP4", help="Write a video; no screen is needed.")
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Open a window, also the default.")] = False,
-    cut: options.Cut,
+    cut: options.CutOptions,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> int:
     """Look at a run again: robot, forces, frame and paths, as a video or in a window."""

@@ -1,13 +1,20 @@
-"""Codes chosen by their beginnings, as `--select TS2,TS301 --ignore TS203` does."""
+"""The diagnostic codes: those that `--select TS2,TS301 --ignore TS203` chooses, and their pages.
+
+The pages are those of the repository, which the wheel carries too.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from importlib import resources
+from pathlib import Path
 
 from taskspec.text.codes import CODES
+from taskspec.text.diagnostic import Severity
 from taskspec_runner.errors import InputError
 
 _SHOWN = 12
+_SEVERITY = "**Severity:** "
 
 
 def choice(select: Sequence[str], ignore: Sequence[str]) -> Callable[[str], bool]:
@@ -64,3 +71,28 @@ def _near(prefix: str) -> str:
             shown = ", ".join(near[:_SHOWN]) + (", …" if len(near) > _SHOWN else "")
             return f"there are {shown}"
     return f"codes begin with {', '.join(sorted({code[:3] for code in CODES}))}"
+
+
+def page(code: str) -> str | None:
+    """The page of a code as Markdown, or None if it has none."""
+    for folder in _folders():
+        path = folder / f"{code}.md"
+        if path.is_file():
+            return path.read_text(encoding="utf-8")
+    return None
+
+
+def codes_with_pages() -> list[str]:
+    """All codes that have a page."""
+    return sorted({path.stem for folder in _folders() for path in folder.glob("TS*.md")})
+
+
+def _folders() -> tuple[Path, ...]:
+    package = Path(str(resources.files("taskspec")))
+    return package / "data" / "diagnostics", package.parent / "docs" / "diagnostics"
+
+
+def severities_of(text: str) -> list[Severity]:
+    """The severities with which a page says that its code is reported, the usual one first."""
+    (line,) = (line for line in text.splitlines() if line.startswith(_SEVERITY))
+    return [Severity(word) for word in line.removeprefix(_SEVERITY).rstrip(".").split(", or ")]

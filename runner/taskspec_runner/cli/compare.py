@@ -21,7 +21,7 @@ from taskspec.text.suggest import suggestion
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
-from taskspec_runner.cli.options import Comparing
+from taskspec_runner.cli.options import CompareOptions
 from taskspec_runner.cli.progress import progress_line
 from taskspec_runner.compare.attempt import AS_WRITTEN, Attempt, attempt
 from taskspec_runner.compare.comparison import comparison
@@ -42,7 +42,7 @@ from taskspec_runner.record.names import COMPARISON
 from taskspec_runner.session import Progress
 
 
-def compare_laws(file: Path, given: Comparing) -> int:
+def compare_laws(file: Path, given: CompareOptions) -> int:
     """Runs a task file under several laws and compares them."""
     from taskspec_runner.cli.comparison import show_comparison
 

@@ -12,7 +12,7 @@ def laws(incomplete: str) -> list[str]:
 
 def codes(incomplete: str) -> list[str]:
     """The diagnostic codes that begin so, once a letter shows that no path is meant."""
-    from taskspec_runner.cli.pages import codes_with_pages
+    from taskspec_runner.cli.codes import codes_with_pages
 
     return [code for code in codes_with_pages() if incomplete and code.startswith(incomplete)]
 

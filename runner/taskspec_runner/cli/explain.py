@@ -19,11 +19,11 @@ from taskspec.examination import examine
 from taskspec.program.program import Program
 from taskspec.text.codes import CODES
 from taskspec.text.suggest import suggestion
+from taskspec_runner.cli.codes import page
 from taskspec_runner.cli.console import console, show, table
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
-from taskspec_runner.cli.pages import page
 from taskspec_runner.cli.sheet.at_rest import grouped
 from taskspec_runner.cli.sheet.axes import LEGEND
 from taskspec_runner.cli.sheet.sheet import as_data, sheet

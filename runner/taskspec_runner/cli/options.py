@@ -45,14 +45,14 @@ To = Annotated[
 
 
 @dataclass(frozen=True)
-class Overrides:
+class OverrideOptions:
     """What a task file is changed by, as `KEY=VALUE`."""
 
     sets: Sets = field(default_factory=list)
 
 
 @dataclass(frozen=True)
-class Given(Overrides):
+class TaskOptions(OverrideOptions):
     """The same, and a law for every stage."""
 
     law: Annotated[
@@ -65,14 +65,14 @@ class Given(Overrides):
 
 
 @dataclass(frozen=True)
-class Seeded(Given):
+class SeededOptions(TaskOptions):
     """The same with the seed of its runs."""
 
     seed: Seed = 0
 
 
 @dataclass(frozen=True)
-class InWorld(Seeded):
+class WorldOptions(SeededOptions):
     """The same in one of its worlds."""
 
     world: Annotated[
@@ -87,7 +87,7 @@ class InWorld(Seeded):
 
 
 @dataclass(frozen=True)
-class Tried(InWorld):
+class ValidateOptions(WorldOptions):
     """How files are validated."""
 
     static: Annotated[
@@ -99,7 +99,7 @@ class Tried(InWorld):
 
 
 @dataclass(frozen=True)
-class Kept:
+class RecordOptions:
     """What a run leaves, and what is reported of it."""
 
     out: Annotated[
@@ -122,7 +122,7 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class Robot:
+class RobotOptions:
     """The robot that a run is to be on, where there is one."""
 
     on: Annotated[
@@ -146,7 +146,7 @@ class Robot:
 
 
 @dataclass(frozen=True)
-class Served:
+class PlantOptions:
     """How a plant is served."""
 
     listen: Annotated[
@@ -168,7 +168,7 @@ class Served:
 
 
 @dataclass(frozen=True)
-class Sweeping:
+class SweepOptions:
     """Which worlds a sweep runs, by whom, and what it leaves."""
 
     worlds: Annotated[
@@ -218,7 +218,7 @@ class Sweeping:
 
 
 @dataclass(frozen=True)
-class Comparing:
+class CompareOptions:
     """Which laws are compared, and what that leaves."""
 
     law: Annotated[
@@ -243,7 +243,7 @@ class Comparing:
 
 
 @dataclass(frozen=True)
-class Chosen:
+class ChoiceOptions:
     """Which files are tested, and in which order."""
 
     words: Annotated[
@@ -270,7 +270,7 @@ class Chosen:
 
 
 @dataclass(frozen=True)
-class Reported:
+class ReportOptions:
     """How outcomes of tests are reported, and what is kept of them."""
 
     durations: Annotated[
@@ -292,7 +292,7 @@ class Reported:
 
 
 @dataclass(frozen=True)
-class Cut:
+class CutOptions:
     """What of a run a video or a window shows, and how."""
 
     speed: Annotated[

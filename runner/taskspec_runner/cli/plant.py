@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from taskspec.deferred_methods import dataclass
-from taskspec_runner.cli.options import Served
+from taskspec_runner.cli.options import PlantOptions
 from taskspec_runner.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class Listening:
     """A served plant, and the controller that drives it."""
 
-    served: Served
+    served: PlantOptions
 
     def endpoint(self) -> Endpoint:
         """Where it listens.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from taskspec_runner.cli.options import Cut
+from taskspec_runner.cli.options import CutOptions
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 from taskspec_runner.runs import Run
@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 _SMALLEST_SIZE, _LARGEST_SIZE = (320, 180), (3840, 2160)
 
 
-def replay_run(folder: Path, video: Path | None, cut: Cut, *, view: bool, quiet: bool) -> int:
+def replay_run(
+    folder: Path, video: Path | None, cut: CutOptions, *, view: bool, quiet: bool
+) -> int:
     """Shows the run of a folder, as a video or else in a window."""
     if video is not None and view:
         raise InputError("give --video or --view, not both")
@@ -52,7 +54,7 @@ def film(run: Run, video: Path, cut: Clip | None = None, *, quiet: bool = False)
         write_video(recording, video, cut or Clip(), progress)
 
 
-def read_cut(cut: Cut) -> Clip:
+def read_cut(cut: CutOptions) -> Clip:
     """What of a run is shown, and how, from the command line.
 
     Raises:

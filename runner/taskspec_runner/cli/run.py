@@ -17,7 +17,7 @@ from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import OutcomeFormat
 from taskspec_runner.cli.loading import load
-from taskspec_runner.cli.options import Given, InWorld, Kept, Robot
+from taskspec_runner.cli.options import RecordOptions, RobotOptions, TaskOptions, WorldOptions
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.folder import check_folder, check_unlocked
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 def run_task(
     file: Path,
-    given: InWorld,
-    kept: Kept,
+    given: WorldOptions,
+    kept: RecordOptions,
     *,
     video: Path | None = None,
     force: bool = False,
@@ -135,7 +135,7 @@ class Connection:
     """
 
     url: str
-    robot: Robot
+    robot: RobotOptions
 
     def check(self, *, seed: int, world: str | None, loop: str | None, video: Path | None) -> None:
         """Finds out what can be known before anything is read.
@@ -201,7 +201,7 @@ def _report(form: OutcomeFormat, outcome: FileOutcome) -> None:
         typer.echo(text)
 
 
-def admitted(file: Path, given: Given, *, force: bool) -> Program:
+def admitted(file: Path, given: TaskOptions, *, force: bool) -> Program:
     """The program of a task file.
 
     Args:
@@ -223,7 +223,7 @@ def admitted(file: Path, given: Given, *, force: bool) -> Program:
         raise
 
 
-def _examined(file: Path, given: Given) -> Examination:
+def _examined(file: Path, given: TaskOptions) -> Examination:
     """The file with what its rules find; how its run ends the run itself will show."""
     from taskspec.examination import examine
     from taskspec.rules import predicted

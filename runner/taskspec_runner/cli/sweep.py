@@ -12,7 +12,7 @@ from pathlib import Path
 import typer
 
 from taskspec_runner.cli.formats import RunFormat
-from taskspec_runner.cli.options import Given, Sweeping
+from taskspec_runner.cli.options import SweepOptions, TaskOptions
 from taskspec_runner.cli.parallel import processors
 from taskspec_runner.cli.run import admitted
 from taskspec_runner.errors import InputError
@@ -31,14 +31,14 @@ WORLDS = 100
 _PAUSE = 0.2
 
 
-def sweep_task(file: Path, given: Sweeping) -> int:
+def sweep_task(file: Path, given: SweepOptions) -> int:
     """Runs a task file in many worlds and reports their statistics."""
     count = given.worlds
     if sum((given.corners, given.grid is not None, count is not None)) > 1:
         raise InputError("--worlds, --corners and --grid each say which worlds: keep one of them")
     share = _share(given.shard)
     check_keep(given.keep)
-    program = admitted(file, Given(given.sets), force=given.force)
+    program = admitted(file, TaskOptions(given.sets), force=given.force)
     task = program.context.loaded.task
     if count is None:
         count = task.sweep.worlds if task.sweep is not None else WORLDS
@@ -56,7 +56,7 @@ def sweep_task(file: Path, given: Sweeping) -> int:
     return _told(result, quiet=given.quiet, form=given.form)
 
 
-def merge_parts(parts: Sequence[Path], given: Sweeping) -> int:
+def merge_parts(parts: Sequence[Path], given: SweepOptions) -> int:
     """Puts shares of a sweep together and reports their statistics."""
     read = [read_written(path) for path in parts]
     first = read[0]

@@ -14,7 +14,7 @@ import typer
 from taskspec_runner.cli.console import show
 from taskspec_runner.cli.formats import OutcomeFormat
 from taskspec_runner.cli.given import STDIN, changes
-from taskspec_runner.cli.options import Chosen, Reported, Seeded
+from taskspec_runner.cli.options import ChoiceOptions, ReportOptions, SeededOptions
 from taskspec_runner.cli.parallel import in_order, processors
 from taskspec_runner.cli.testing import github, junit
 from taskspec_runner.cli.testing.execution import Manner, try_file
@@ -30,9 +30,9 @@ from taskspec_runner.record.whole import write_whole
 
 def run_tests(
     paths: Sequence[Path],
-    selection: Chosen,
-    telling: Reported,
-    given: Seeded,
+    selection: ChoiceOptions,
+    telling: ReportOptions,
+    given: SeededOptions,
 ) -> int:
     """Runs task files and says what came of each.
 
@@ -82,7 +82,7 @@ def run_tests(
     return code
 
 
-def _chosen(files: list[Path], selection: Chosen, last: LastOutcomes) -> list[Path]:
+def _chosen(files: list[Path], selection: ChoiceOptions, last: LastOutcomes) -> list[Path]:
     if selection.words is not None:
         is_chosen = chosen_by(selection.words)
         found = [path for path in files if is_chosen(path)]
@@ -131,7 +131,7 @@ def _code(outcomes: Iterable[FileOutcome]) -> int:
 
 
 def _sum_up(
-    outcomes: Sequence[FileOutcome], chosen: int, telling: Reported, seconds: float, code: int
+    outcomes: Sequence[FileOutcome], chosen: int, telling: ReportOptions, seconds: float, code: int
 ) -> None:
     failed = [each for each in outcomes if not each.passed]
     if telling.form is OutcomeFormat.JSON:

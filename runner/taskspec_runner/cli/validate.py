@@ -19,7 +19,7 @@ from taskspec_runner.cli.formats import DiagnosticFormat
 from taskspec_runner.cli.given import OPTIONS, STDIN, changes
 from taskspec_runner.cli.guard import keep_trace
 from taskspec_runner.cli.kept import Before
-from taskspec_runner.cli.options import Tried
+from taskspec_runner.cli.options import ValidateOptions
 from taskspec_runner.cli.parallel import in_order
 from taskspec_runner.cli.reporters import REPORTERS
 from taskspec_runner.cli.validation import Failure, Validation
@@ -38,13 +38,13 @@ _NUMERICAL = ("pinocchio", "casadi", "numpy", "scipy")
 _SIMULATOR = "mujoco"
 
 
-AS_WRITTEN = Tried()
+AS_WRITTEN = ValidateOptions()
 
 
 def validate_paths(
     paths: Sequence[Path],
     form: DiagnosticFormat,
-    how: Tried = AS_WRITTEN,
+    how: ValidateOptions = AS_WRITTEN,
     *,
     strict: bool = False,
     select: Sequence[str] = (),
@@ -126,7 +126,7 @@ def _below(folder: Path) -> Iterator[Path]:
 
 def examine(
     files: Sequence[Path],
-    how: Tried = AS_WRITTEN,
+    how: ValidateOptions = AS_WRITTEN,
     *,
     strict: bool = False,
     keeps: bool = True,
@@ -201,7 +201,7 @@ class _Found:
     world: str = ""
 
 
-def _before(path: Path, how: Tried, several: bool) -> _Found | None:
+def _before(path: Path, how: ValidateOptions, several: bool) -> _Found | None:
     """The cached findings of an unchanged file; None where it has changed."""
     kept = Before(path, how.sets, how.law, static=how.static).found()
     if kept is None:
@@ -211,7 +211,7 @@ def _before(path: Path, how: Tried, several: bool) -> _Found | None:
 
 
 def _outcome(
-    path: Path, *, how: Tried, several: bool, keeps: bool
+    path: Path, *, how: ValidateOptions, several: bool, keeps: bool
 ) -> _Found | _Unreadable | _Broken:
     """The findings about a file; of a failure to examine it, only the message."""
     try:
@@ -241,7 +241,7 @@ def _attributed(found: _Found, path: Path) -> _Found:
     )
 
 
-def _examine(path: Path, how: Tried, *, keeps: bool) -> _Found:
+def _examine(path: Path, how: ValidateOptions, *, keeps: bool) -> _Found:
     from taskspec_runner.cli.loading import load
 
     before = Before(path, how.sets, how.law, static=how.static, keeps=keeps)
@@ -268,7 +268,7 @@ def _examine(path: Path, how: Tried, *, keeps: bool) -> _Found:
         return _Found(loaded.warnings, sources, _without(missing, error))
 
 
-def _checked(loaded: LoadedTask, how: Tried) -> tuple[Examination, str]:
+def _checked(loaded: LoadedTask, how: ValidateOptions) -> tuple[Examination, str]:
     """An examined task, and why its trial was left out; empty where it was not."""
     from taskspec.examination import examine
 
@@ -285,7 +285,7 @@ def _checked(loaded: LoadedTask, how: Tried) -> tuple[Examination, str]:
     return (_with_worlds(examined, how) if how.worlds else examined), ""
 
 
-def _with_worlds(examined: Examination, how: Tried) -> Examination:
+def _with_worlds(examined: Examination, how: ValidateOptions) -> Examination:
     """The same with what is found in random worlds; of a task that is refused there are none."""
     from taskspec.compiler import admit
     from taskspec.program.program import refusals

@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field, ValidationError
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression.syntax import unknown_unit
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.model import REPORTED, Model, short_form
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
@@ -18,7 +19,6 @@ from taskspec.text import nodes
 from taskspec.text.characters import normal
 from taskspec.text.data import Items, Map, Text, Whole, to_data
 from taskspec.text.diagnostic import Diagnostics
-from taskspec.text.expression.syntax import unknown_unit
 from taskspec.text.render import render
 from taskspec.text.source import Source, Span
 from taskspec.text.units import FREQUENCY, TIME, parse_unit

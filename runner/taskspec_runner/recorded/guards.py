@@ -13,15 +13,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.expression import Expression, Meaning, Scope, evaluate, resolve, tree
+from taskspec.expression.scope import CONSTANTS, ScopeKind
+from taskspec.expression.series import Series, SeriesAlgebra
 from taskspec.geometry.axis import TRANSLATIONS
 from taskspec.program import events
 from taskspec.program.execution.transition import END, FAIL, is_good, leads_to
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.signals.entries import TOUCHING
-from taskspec.text.expression import Expression, Meaning, Scope, evaluate, resolve, tree
-from taskspec.text.expression.scope import CONSTANTS, ScopeKind
-from taskspec.text.expression.series import Series, SeriesAlgebra
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.file_array import BLOCK_ROWS, counted
 from taskspec_runner.recorded.ticks import Ticks, filled

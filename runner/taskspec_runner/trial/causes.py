@@ -86,7 +86,7 @@ def sensor_error(
     Args:
         moment: to look at.
         named: the axes that matter; none for all.
-        reading: whether the reading of this tick is the one that matters, and is named.
+        reading: whether the reading that matters is of this tick, not of the next one.
     """
     error = float(np.linalg.norm(moment.error))
     true, measured = moment.force(), moment.force(measured=True)
@@ -103,10 +103,8 @@ def sensor_error(
         counts = [True] * len(moment.axes)
     i = int(np.argmax(np.abs(moment.error) * counts))
     axis = moment.axes[i]
-    if not reading:
-        return cause
     reads = (
-        f"force.{axis} is measured as {show(float(measured[i]), 'N', 3)} where the tool applies "
+        f"{'' if reading else 'a tick before, '}force.{axis} is measured as {show(float(measured[i]), 'N', 3)} where the tool applies "
         f"{show(float(true[i]), 'N', 3)}"
     )
     return Cause(f"{reads}: {cause.text}", cause.hint, cause.place)

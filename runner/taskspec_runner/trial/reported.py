@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
+from taskspec.expression.tree import Held, Name, Node, walk
 from taskspec.program import events
 from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
@@ -17,7 +18,6 @@ from taskspec.spec import FILE, key_of
 from taskspec.spec.stage import OSCILLATION
 from taskspec.stability.sampled_stage import loop_of
 from taskspec.text.codes import register
-from taskspec.text.expression.tree import Held, Name, Node, walk
 from taskspec.text.units import show
 from taskspec_runner.record.history import Visit
 from taskspec_runner.trial import causes

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from taskspec.text.expression import tree
-from taskspec.text.expression.series import Series
+from taskspec.expression import tree
+from taskspec.expression.series import Series
 from taskspec.text.units import in_unit
 from taskspec_runner.verdict.explanation import Explainer, Sides
 from taskspec_runner.verdict.judged import SHARE, Broken, Margin

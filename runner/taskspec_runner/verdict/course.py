@@ -17,9 +17,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression, evaluate, tree
+from taskspec.expression.series import Series, SeriesAlgebra
 from taskspec.program.program import Program
-from taskspec.text.expression import Expression, evaluate, tree
-from taskspec.text.expression.series import Series, SeriesAlgebra
 from taskspec.text.units import in_unit
 from taskspec_runner.record.file_array import counted, full
 from taskspec_runner.record.history import History, Mask, Vector

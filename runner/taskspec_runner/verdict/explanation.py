@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
-from taskspec.text.expression import Expression, Scope, infer, tree
-from taskspec.text.expression.series import NO_TICK, Series
+from taskspec.expression import Expression, Scope, infer, tree
+from taskspec.expression.series import NO_TICK, Series
 from taskspec.text.units import NUMBER, fitting, in_unit, show, to_si
 from taskspec_runner.verdict.judged import Broken, MeasuredValue
 from taskspec_runner.verdict.quantities import DIGITS, digits_of, readable_unit

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression, tree
 from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec import Sensor, Task
 from taskspec.spec.stage import OSCILLATION, SATURATION
-from taskspec.text.expression import Expression, tree
 from taskspec.text.units import FORCE, MOMENT, VELOCITY, Dimension, show
 from taskspec_runner.record.file_array import blocks, empty
 from taskspec_runner.record.history import History, Visit

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from taskspec.expression import Expression, evaluate, tree
+from taskspec.expression.series import Series, SeriesAlgebra
 from taskspec.program.program import Program
 from taskspec.spec import Expectation, Task
-from taskspec.text.expression import Expression, evaluate, tree
-from taskspec.text.expression.series import Series, SeriesAlgebra
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.condition_margins import ConditionMargins
 from taskspec_runner.verdict.diagnosed import line_of

@@ -9,10 +9,10 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.expression import Meaning, Scope, ScopeKind, resolve, tree
+from taskspec.expression.scope import CONSTANTS
+from taskspec.expression.series import Series
 from taskspec.spec import Task
-from taskspec.text.expression import Meaning, Scope, ScopeKind, resolve, tree
-from taskspec.text.expression.scope import CONSTANTS
-from taskspec.text.expression.series import Series
 from taskspec_runner.record.file_array import full
 from taskspec_runner.record.history import History, NotRecordedError
 

@@ -7,8 +7,8 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.text.expression import tree
-from taskspec.text.expression.series import Series
+from taskspec.expression import tree
+from taskspec.expression.series import Series
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]

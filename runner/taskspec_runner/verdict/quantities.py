@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from taskspec.text.expression.series import Series
+from taskspec.expression.series import Series
 from taskspec.text.units import in_unit, show
 
 DIGITS = 4

@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.expression import Expression
 from taskspec.geometry.axis import Axis
 from taskspec.laws.computed_torque import COMPUTED_TORQUE
 from taskspec.laws.gains import Gains, on_axis
@@ -34,7 +35,6 @@ from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.spec import JOINT_LAW, Law, Limits, Stage
-from taskspec.text.expression import Expression
 
 Vector = NDArray[np.float64]
 

@@ -8,6 +8,7 @@ import casadi as ca
 
 from taskspec.control.state import TaskState, task_state
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression
 from taskspec.program import ports, signals
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.clock import Clock
@@ -28,7 +29,6 @@ from taskspec.program.world.moving_base import BaseMotion
 from taskspec.robot import model_terms
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.signals import ObjectState
-from taskspec.text.expression import Expression
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from taskspec.expression import Expression, FloatAlgebra, evaluate
+from taskspec.expression.tree import Name
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
 from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
 from taskspec.program.known_value import KnownValues
 from taskspec.program.signals import entry_of
 from taskspec.spec import Stage
-from taskspec.text.expression import Expression, FloatAlgebra, evaluate
-from taskspec.text.expression.tree import Name
 
 #: A time at which what rises with t has risen [s].
 _SETTLED_TIME = 60.0

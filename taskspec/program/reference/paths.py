@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from pathlib import Path as FilePath
 
+from taskspec.expression import Expression
 from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.motion.joint_path import JointPath
 from taskspec.motion.path import PathShape
@@ -20,7 +21,6 @@ from taskspec.robot.start import check_joints, inside_limits
 from taskspec.spec import FILE, KeyPath, Path, Stage
 from taskspec.text.codes import register
 from taskspec.text.confines import REMEDY, confines, here
-from taskspec.text.expression import Expression
 from taskspec.text.units import ANGLE, LENGTH, TIME, alternatives, fitting, parse_unit
 
 register(

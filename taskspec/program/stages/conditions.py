@@ -8,6 +8,7 @@ from dataclasses import replace
 import casadi as ca
 
 from taskspec.control import linear
+from taskspec.expression import Expression
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program import events
 from taskspec.program.algebra import length
@@ -18,7 +19,6 @@ from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.signals import SignalTable
 from taskspec.robot import RobotModel
 from taskspec.spec import Limits, Stage
-from taskspec.text.expression import Expression
 from taskspec.text.units import LENGTH, TIME, show
 
 #: Below this pivot of J H^-1 J^T [1/kg, 1/(kg m^2)] an axis has an effective mass of ten tonnes:

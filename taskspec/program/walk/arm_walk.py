@@ -17,6 +17,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.control.state import ARM_LENGTH
+from taskspec.expression import evaluate
+from taskspec.expression.tree import Held, Name, Reduce, walk
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.context import Context
@@ -34,8 +36,6 @@ from taskspec.program.walk.tool_motion import OnSurface, Straight, ToolMotion, W
 from taskspec.program.world.mechanisms import MechanismModel
 from taskspec.program.world.stiffness import GRIP
 from taskspec.robot import RobotModel
-from taskspec.text.expression import evaluate
-from taskspec.text.expression.tree import Held, Name, Reduce, walk
 
 Vector = NDArray[np.float64]
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression.tree import Name
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.world.frames import FrameModel, resolve
 from taskspec.spec import Constraint, Task
-from taskspec.text.expression.tree import Name
 
 Vector = NDArray[np.float64]
 

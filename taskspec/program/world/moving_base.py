@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression.tree import Name
 from taskspec.geometry import rotation
 from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.spec import Shape, Task
 from taskspec.spec.world import MOTION
-from taskspec.text.expression.tree import Name
 
 Matrix = NDArray[np.float64]
 

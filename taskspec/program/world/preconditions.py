@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from taskspec.expression.tree import Name, walk
 from taskspec.program.errors import spec_error
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import mechanism_models
@@ -14,7 +15,6 @@ from taskspec.robot import RobotModel
 from taskspec.spec import FILE, LoadedTask
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, SpecError
-from taskspec.text.expression.tree import Name, walk
 
 register(
     {

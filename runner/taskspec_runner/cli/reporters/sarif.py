@@ -12,8 +12,7 @@ from typing import Any
 from taskspec import __version__
 from taskspec.text.diagnostic import Diagnostic, Severity
 from taskspec.text.source import Source, Span
-from taskspec_runner.cli.codes import title_of
-from taskspec_runner.cli.pages import page, severities_of
+from taskspec_runner.cli.codes import page, severities_of, title_of
 from taskspec_runner.cli.reporters.paths import uri
 from taskspec_runner.cli.validation import Failure, Validation
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Literal, Protocol, TypeVar
 
-from taskspec.text.expression import tree
+from taskspec.expression import tree
 
 T = TypeVar("T")
 

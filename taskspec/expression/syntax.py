@@ -7,9 +7,9 @@ import re
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression.problem import Problem
+from taskspec.expression.spelling import CHARACTERS, ELSEWHERE, UNIT_WORDS
 from taskspec.text.codes import register
-from taskspec.text.expression.problem import Problem
-from taskspec.text.expression.spelling import CHARACTERS, ELSEWHERE, UNIT_WORDS
 from taskspec.text.suggest import closest
 from taskspec.text.units import UNITS, usual_units
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import field
 
 from taskspec.deferred_methods import dataclass
-from taskspec.text.expression.tree import Name, Node, walk
+from taskspec.expression.tree import Name, Node, walk
 from taskspec.text.origin import Origin
 from taskspec.text.source import Span
 from taskspec.text.units import Dimension

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from taskspec import signals
+from taskspec.expression.functions import FUNCTIONS, REDUCERS
+from taskspec.expression.problem import Problem
+from taskspec.expression.scope import CONSTANTS, COORDINATES, Scope, ScopeKind, coordinate
+from taskspec.expression.tree import Name
 from taskspec.geometry.axis import AXES, ROTATIONS
 from taskspec.signals.table import REFERENCE
 from taskspec.text.codes import register
-from taskspec.text.expression.functions import FUNCTIONS, REDUCERS
-from taskspec.text.expression.problem import Problem
-from taskspec.text.expression.scope import CONSTANTS, COORDINATES, Scope, ScopeKind, coordinate
-from taskspec.text.expression.tree import Name
 from taskspec.text.suggest import closest, suggestion
 from taskspec.text.units import UNITS
 

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from taskspec.deferred_methods import dataclass
-from taskspec.signals import VECTORS, Signal
-from taskspec.signals.table import REFERENCE
-from taskspec.text.codes import register
-from taskspec.text.expression import tree
-from taskspec.text.expression.functions import FUNCTIONS, REDUCERS, Function
-from taskspec.text.expression.problem import Problem
-from taskspec.text.expression.scope import Meaning, Scope, ScopeKind, resolve
-from taskspec.text.expression.spelling import FUNCTION_WORDS
-from taskspec.text.expression.types import (
+from taskspec.expression import tree
+from taskspec.expression.functions import FUNCTIONS, REDUCERS, Function
+from taskspec.expression.problem import Problem
+from taskspec.expression.scope import Meaning, Scope, ScopeKind, resolve
+from taskspec.expression.spelling import FUNCTION_WORDS
+from taskspec.expression.types import (
     CONDITION,
     PLAIN,
     UNKNOWN,
@@ -25,7 +22,10 @@ from taskspec.text.expression.types import (
     in_words,
     is_bare,
 )
-from taskspec.text.expression.unknown import explain_name
+from taskspec.expression.unknown import explain_name
+from taskspec.signals import VECTORS, Signal
+from taskspec.signals.table import REFERENCE
+from taskspec.text.codes import register
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import (
     ANGLE,

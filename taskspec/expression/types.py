@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from taskspec.deferred_methods import dataclass
-from taskspec.text.expression import tree
+from taskspec.expression import tree
 from taskspec.text.units import NUMBER, TIME, Dimension, describe
 
 

@@ -14,12 +14,12 @@ import lark
 from lark import Lark, Token, Transformer
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput
 
+from taskspec.expression import tree
+from taskspec.expression.functions import REDUCERS
+from taskspec.expression.problem import ExpressionError, Problem
+from taskspec.expression.syntax import explain_character, explain_token
 from taskspec.store import Store
 from taskspec.text.codes import register
-from taskspec.text.expression import tree
-from taskspec.text.expression.functions import REDUCERS
-from taskspec.text.expression.problem import ExpressionError, Problem
-from taskspec.text.expression.syntax import explain_character, explain_token
 from taskspec.text.units import LARGEST, QUANTITY, split_quantity, to_si
 
 register({"TS102": "an expression that is too long or too deeply nested"})

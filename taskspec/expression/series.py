@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
-from taskspec.text.expression import tree
+from taskspec.expression import tree
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
+from taskspec.expression import tree
+from taskspec.expression.evaluate import FloatAlgebra, evaluate
+from taskspec.expression.problem import Problem
 from taskspec.signals import STAGE
 from taskspec.text.codes import register
-from taskspec.text.expression import tree
-from taskspec.text.expression.evaluate import FloatAlgebra, evaluate
-from taskspec.text.expression.problem import Problem
 
 register(
     {
