@@ -106,7 +106,7 @@ class RobotFacts:
         if robot.wrench != self.wrench:
             raise InputError(
                 f"the robot at {where} gives {_WRENCHES[robot.wrench]}, and the task's "
-                f"'robot.sensor' asks for {_WRENCHES[self.wrench]}; make the two the same"
+                f"'robot.sensor' declares {_WRENCHES[self.wrench]}; make the two the same"
             )
         if robot.reactions != self.reactions:
             raise InputError(

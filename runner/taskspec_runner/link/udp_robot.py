@@ -265,8 +265,8 @@ def _facts(said: Mapping[str, Any], where: str) -> tuple[RobotFacts, RobotLimits
             raise ValueError("its numbers do not fit each other")
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"the welcome of {where} is not what version {packets.VERSION} of the protocol asks "
-            f"for: {error!r}; see docs/protocol.md"
+            f"the welcome of {where} is not what version {packets.VERSION} of the protocol "
+            f"requires: {error!r}; see docs/protocol.md"
         ) from error
     return facts, RobotLimits(*parts)
 
