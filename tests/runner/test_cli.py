@@ -208,7 +208,7 @@ def test_run_that_fails_says_what_did_not_happen(tap: Path) -> None:
     page = Path("out/report.html").read_text()
     assert "travelled 0.5 mm without" in page
     assert "So far: 1 of 4 expectations met until it failed." in page
-    assert '<table class="expectations partial">' in page
+    assert '<table class="judged expectations pale">' in page
     result = call("run", tap, "--set", "stages.approach.fail_if=t > 20 ms")
     assert "`t > 20 ms` held, which fails the stage" in result.stdout
 
