@@ -383,7 +383,7 @@ def test_completion(forked_command: list[str]) -> None:
         return set(done.stdout.split())
 
     assert completed("va") == {"validate"}
-    assert completed("validate a.yaml --st") == {"--strict"}
+    assert completed("validate a.yaml --st") == {"--static", "--strict"}
     assert completed("run a.yaml --law pd") == {"pd", "pd-joint"}
     assert completed("explain TS32") >= {"TS320", "TS325"}
     assert "wipe-table" in completed("new wipe")
@@ -440,7 +440,7 @@ def test_validate_survives_an_internal_error(
     def broken(_: object) -> None:
         raise ZeroDivisionError("as a\ntest")
 
-    monkeypatch.setattr("taskspec.examination.examine", broken)
+    monkeypatch.setattr("taskspec_runner.trial.check.examine", broken)
     result = call("validate", tap, here / "spoiled.yaml")
     assert result.exit_code == 3
     assert f"{tap}: internal error: ZeroDivisionError: as a test; please report" in result.stderr
