@@ -44,8 +44,7 @@ RIM = 'rim: {equation: "x^2 + y^2 = (500 mm)^2"}'
         (FLOOR, "z: {force: 0}", {}, []),
         (FLOOR, "rx: {torque: 0}", {}, ["TS325"]),
         (FLOOR.replace("FRICTION", ", friction: 0.3"), "x: {force: 0}", {}, []),
-        # What only times later than the first would need is the trial's.
-        (FLOOR, "x: {force: 5 N * sin(2*pi*t/(1 s))}", {}, []),
+        (FLOOR, "x: {force: 5 N * sin(2*pi*t/(1 s))}", {}, ["TS320"]),
         (FLOOR, "x: {force: -20 N*s/m * velocity.x}", {}, []),
         (f"{FLOOR}, {WALL}", "x: {force: 5 N * sin(pi*t/(1 s))}", {}, []),
         (FLOOR.replace("FRICTION", ", friction: 0.3"), "x: {force: 1 N * t/(9 s)}", {}, []),
