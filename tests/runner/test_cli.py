@@ -383,7 +383,7 @@ def test_completion(forked_command: list[str]) -> None:
         return set(done.stdout.split())
 
     assert completed("va") == {"validate"}
-    assert completed("validate a.yaml --st") == {"--strict"}
+    assert completed("validate a.yaml --st") == {"--static", "--strict"}
     assert completed("run a.yaml --law pd") == {"pd", "pd-joint"}
     assert completed("explain TS32") >= {"TS320", "TS325"}
     assert "wipe-table" in completed("new wipe")
