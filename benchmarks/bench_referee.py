@@ -241,7 +241,7 @@ arm's own model with its tool, and no controller is given the surface's stiffnes
 **What differs.** A task's file commands force along one axis and motion along the others, which
 this project's laws are for. TSID has such axes too; its contacts stick, and its force is commanded
 without feedback. An impedance and operational space control as robosuite has it know no
-set points of force: they are given it as a feed-forward, the usual way to press with them. They are
+set points of force: they are given it as a feed-forward, as is usual to press with them. They are
 not given the accelerations of references, which the protocol does not send and they do not
 use. So the columns of force show what feedback of force is worth, and that of the path what the
 acceleration of references is, at this bandwidth. It is {BANDWIDTH:g} Hz, which is what this

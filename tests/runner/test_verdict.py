@@ -168,12 +168,12 @@ def judged(expectation: str, history: History = HISTORY) -> Judged:
         (
             "not error.z > 1 m",
             False,
-            "error.z has no value in stage 'wipe' (no motion reference); ask for it by stage",
+            "error.z has no value in stage 'wipe' (no motion reference); name the stage with it",
         ),
         (
             "error.z < 2 mm for 10 %",
             False,
-            "error.z has no value in stage 'wipe' (no motion reference); ask for it by stage",
+            "error.z has no value in stage 'wipe' (no motion reference); name the stage with it",
         ),
         ("error.y < 2 mm", False, "error.y has no value: the arm does not move along y"),
         ("joint.2.position < 1 deg", False, "the arm has 1 joints, no joint 2"),

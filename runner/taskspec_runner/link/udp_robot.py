@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec import __version__
-from taskspec_runner.errors import InputError
+from taskspec_runner.errors import InputError, LinkError
 from taskspec_runner.link import packets
 from taskspec_runner.link.address import Endpoint, read_endpoint
 from taskspec_runner.link.packets import Packet, PacketError
 from taskspec_runner.link.robot import (
     CONTACT,
     READING,
-    LinkError,
     RobotFacts,
     RobotLimits,
     Sample,
@@ -265,8 +264,8 @@ def _facts(said: Mapping[str, Any], where: str) -> tuple[RobotFacts, RobotLimits
             raise ValueError("its numbers do not fit each other")
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"the welcome of {where} is not what version {packets.VERSION} of the protocol asks "
-            f"for: {error!r}; see docs/protocol.md"
+            f"the welcome of {where} is not what version {packets.VERSION} of the protocol "
+            f"requires: {error!r}; see docs/protocol.md"
         ) from error
     return facts, RobotLimits(*parts)
 

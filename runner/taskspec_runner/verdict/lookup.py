@@ -177,7 +177,7 @@ class Lookup:
         absent = meaning.signal.absent if meaning.signal is not None else ""
         absent = "nothing refers it to a set point there" if meaning.beside else absent
         reason = f" ({absent})" if absent else ""
-        hint = "" if meaning.stage or len(where) > 3 else "; ask for it by stage"
+        hint = "" if meaning.stage or len(where) > 3 else "; name the stage with it"
         return f"{name} has no value in {stages}{reason}{hint}"
 
 

@@ -103,7 +103,7 @@ class SignalPanel:
             ("motion axis", MOTION, 4),
             ("free axis", FREE, 4),
             ("reference", WANTED, 5),
-            ("way of the tool", TRACE, 3),
+            ("tool path", TRACE, 3),
         )
         pen = self._pen
         for i, (text, color, width) in enumerate(entries):
