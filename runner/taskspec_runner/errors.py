@@ -38,3 +38,17 @@ class RunCrashedError(Exception):
     def __init__(self, folder: Path, trace: Path, message: str) -> None:
         super().__init__(message)
         self.folder, self.trace = folder, trace
+
+
+class LinkError(Exception):
+    """A robot, or who drives it, is no longer there.
+
+    Attributes:
+        name: a short name, such as `connection_lost`.
+        text: the same as a sentence.
+        ticks: of the run that were complete by then.
+    """
+
+    def __init__(self, name: str, text: str) -> None:
+        super().__init__(text)
+        self.name, self.text, self.ticks = name, text, 0

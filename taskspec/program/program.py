@@ -41,7 +41,12 @@ def compiled_stage(task: TaskPlan, name: str) -> CompiledStage:
         SpecError: it cannot evaluate a signal.
     """
     if name not in task.compiled:
-        task.compiled[name] = compile_stage(task.follow(name))
+        stage = task.follow(name)
+        # Its design may have compiled it to see how the loop does.
+        loop = stage.design.loop
+        task.compiled[name] = (
+            compile_stage(stage) if loop is None else replace(loop.stage, plan=stage)
+        )
     found: CompiledStage = task.compiled[name]
     return found
 

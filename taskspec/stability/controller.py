@@ -7,7 +7,6 @@ H, C q' + g, g and the tip's Jacobian stay as they are, and J' q' is 0 at rest.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import casadi as ca
@@ -64,10 +63,10 @@ class Operating:
     """A stage entered at the start pose, long after its ramps, with its references where it is."""
 
     def __init__(
-        self, context: Context, stage: CompiledStage, derivative: ca.Function | None = None
+        self, context: Context, stage: CompiledStage, tangent: ca.Function | None = None
     ) -> None:
         self.context, self.stage = context, stage
-        self._derivative = stage.closed_form.forward(1) if derivative is None else derivative
+        self._tangent = _tangent(stage.closed_form) if tangent is None else tangent
         n = context.robot.pin.nv
         self._terms = PinocchioTerms(context.robot)
         self._now = np.zeros(2 + len(context.loaded.task.stages))
@@ -94,13 +93,13 @@ class Operating:
             gains: values of the stage's parameters.
         """
         stage = replace(self.stage, plan=self.stage.plan.but(gains=gains))
-        other = Operating(self.context, stage, self._derivative)
+        other = Operating(self.context, stage, self._tangent)
         other.press(self._wrench, self._reactions)
         return other
 
     def there(self, context: Context) -> Operating:
         """The same stage, pressing alike, with the arm where another context begins."""
-        other = Operating(context, self.stage, self._derivative)
+        other = Operating(context, self.stage, self._tangent)
         other.press(self._wrench, self._reactions)
         return other
 
@@ -193,58 +192,52 @@ class Operating:
 
     def linear(self) -> LinearController:
         """The derivative of torque and memory, one direction after the other."""
-        n, size = self.context.robot.pin.nv, self.stage.memory.size
-        count = 2 * n + 6 + len(self._reactions)
-        along = self._forward()
-        seeds = [*self._joint_seeds(), *(self._seed(i) for i in range(count - 2 * n))]
-        columns = [along(seed, np.zeros(size)) for seed in seeds]
-        columns += [along(self._seed(None), unit) for unit in np.eye(size)]
+        n, count = self.context.robot.pin.nv, self._measured
+        directions = self._directions()
+        along, found = np.zeros(len(directions)), np.zeros(n + self.stage.memory.size)
+        given = [*self._arguments, self.memory, self.parameters, along]
+        tangent, columns = BoundFunction(self._tangent, given, [found]), []
+        for direction in directions.T:
+            along[:] = direction
+            tangent.evaluate()
+            columns.append(found.copy())
         whole = np.column_stack(columns)
         torque, memory = whole[:n], whole[n:]
         slots = _feedback_slots(torque[:, count:], memory[:, count:])
         kept = [*range(count), *(count + s for s in slots)]
         return LinearController(torque[:, kept], memory[np.ix_(slots, kept)], tuple(slots))
 
-    def _forward(self) -> Callable[[list[Matrix], Matrix], Matrix]:
-        """The derivative along a direction of the tick's inputs and of the memory."""
-        given = [*self._arguments, self.memory, self.parameters]
-        results = evaluated(self.stage.closed_form, *given)
-        seeds = [np.zeros(len(argument)) for argument in given]
-        found = [np.zeros(len(result)) for result in results]
-        function = self._derivative
-        assert all(function.sparsity_out(i).is_dense() for i in range(2))
-        bound = BoundFunction(function, [*given, *results, *seeds], found)
+    @property
+    def _measured(self) -> int:
+        """How many numbers are measured: of q, q', wrench and reactions."""
+        return 2 * len(self.context.start) + 6 + len(self._reactions)
 
-        def along(seed: list[Matrix], memory: Matrix) -> Matrix:
-            for place, value in zip(seeds, [*seed, memory], strict=False):
-                place[:] = value
-            bound.evaluate()
-            return np.concatenate(found[:2])
+    def _directions(self) -> Matrix:
+        """Directions of what moves in `_tangent`: a column for each input and slot of the memory.
 
-        return along
+        With q moves the pose of the tip.
+        """
+        n, J, R = self.context.robot.pin.nv, self.context.start_jacobian, self.context.start_R
+        count = self._measured + self.stage.memory.size
+        turned = [(pin.skew(spin) @ R).ravel(order="F") for spin in J[3:].T]
+        moved = np.eye(2 * n, count)
+        pose = np.zeros((12, count))
+        pose[:, :n] = np.vstack([J[:3], np.column_stack(turned)])
+        return np.vstack([moved, pose, np.eye(count)[2 * n :]])
 
-    def _seed(self, measured: int | None) -> list[Matrix]:
-        """No direction but one of the measured wrench and reactions."""
-        seed = [np.zeros(len(a)) for a in self._arguments]
-        if measured is not None:
-            seed[-2 if measured < 6 else -1][measured % 6 if measured < 6 else measured - 6] = 1.0
-        return seed
 
-    def _joint_seeds(self) -> list[list[Matrix]]:
-        """Directions of q, then of q'."""
-        n, J = self.context.robot.pin.nv, self.context.start_jacobian
-        seeds = []
-        for i in range(n):
-            seed = self._seed(None)
-            seed[1][i] = 1.0
-            seed[7] = J[:3, i]
-            seed[8] = (pin.skew(J[3:, i]) @ self.context.start_R).ravel(order="F")
-            seeds.append(seed)
-        for i in range(n):
-            seed = self._seed(None)
-            seed[2][i] = 1.0
-            seeds.append(seed)
-        return seeds
+def _tangent(closed_form: ca.Function) -> ca.Function:
+    """A stage's inputs, a direction of those that move -> how torque and memory change along it.
+
+    What moves is q, q', the tip's p and R, the wrench, the reactions and the memory.
+    """
+    given = closed_form.sx_in()
+    torque, memory, _ = closed_form.call(given)
+    _, q, v, *_, p, R, _, wrench, reactions, remembered, _ = given
+    moving = ca.vertcat(q, v, p, R, wrench, reactions, remembered)
+    along = ca.SX.sym("along", moving.shape[0])
+    change = ca.jtimes(ca.vertcat(torque, memory), moving, along)
+    return ca.Function("tangent", [*given, along], [ca.densify(change)])
 
 
 def _feedback_slots(torque: Matrix, memory: Matrix) -> list[int]:

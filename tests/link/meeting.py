@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from taskspec.compiler import compile_unchecked
 from taskspec.program.program import Program
 from taskspec.spec import load_task, load_text
+from taskspec_runner.errors import LinkError
 from taskspec_runner.link.address import Endpoint
 from taskspec_runner.link.on_robot import LostPolicy, OnRobot
-from taskspec_runner.link.robot import LinkError, RobotFacts, RobotLimits, Sample, TorqueRobot
+from taskspec_runner.link.robot import RobotFacts, RobotLimits, Sample, TorqueRobot
 from taskspec_runner.link.server import PlantServer, Served, ServerOptions, welcome
 from taskspec_runner.link.simulated import SimulatedRobot
 from taskspec_runner.link.udp_robot import UdpRobot

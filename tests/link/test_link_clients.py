@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from meeting import ROOT, TOUCH, Serving, drive, drive_at, log_bytes, program_of, shipped, spoilt
 
+from taskspec_runner.errors import LinkError
 from taskspec_runner.link import packets
 from taskspec_runner.link.packets import Packet
-from taskspec_runner.link.robot import LinkError
 from taskspec_runner.link.server import ServerOptions
 from taskspec_runner.link.udp_robot import UdpRobot
 from taskspec_runner.runs import Run

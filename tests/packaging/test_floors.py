@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import re
 from collections import defaultdict
+from collections.abc import Mapping
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -77,13 +78,28 @@ def test_no_import_runs_up():
     assert up == []
 
 
-def test_no_imports_go_in_a_circle():
-    circle = []
+def circle_of(graph: Mapping[str, set[str]]) -> list[str]:
+    """Names that lead back to the first of them; empty where no graph's edges do."""
     try:
-        TopologicalSorter(imports()).prepare()
+        TopologicalSorter(graph).prepare()
     except CycleError as error:
-        circle = error.args[1]
-    assert circle == []
+        return list(error.args[1])
+    return []
+
+
+def test_no_imports_go_in_a_circle():
+    assert circle_of(imports()) == []
+
+
+def test_no_packages_import_each_other():
+    packages: dict[str, set[str]] = defaultdict(set)
+    for module, others in imports().items():
+        for other in others:
+            own, its = (".".join(name.split(".")[:2]) for name in (module, other))
+            if own != its:
+                packages[own].add(its)
+    assert len(packages) > len(floors())
+    assert circle_of(packages) == []
 
 
 def test_every_public_class_name_is_used_once():

@@ -208,7 +208,7 @@ def test_run_that_fails_says_what_did_not_happen(tap: Path) -> None:
     page = Path("out/report.html").read_text()
     assert "travelled 0.5 mm without" in page
     assert "So far: 1 of 4 expectations met until it failed." in page
-    assert '<table class="expectations partial">' in page
+    assert '<table class="judged expectations pale">' in page
     result = call("run", tap, "--set", "stages.approach.fail_if=t > 20 ms")
     assert "`t > 20 ms` held, which fails the stage" in result.stdout
 
@@ -383,7 +383,7 @@ def test_completion(forked_command: list[str]) -> None:
         return set(done.stdout.split())
 
     assert completed("va") == {"validate"}
-    assert completed("validate a.yaml --st") == {"--strict"}
+    assert completed("validate a.yaml --st") == {"--static", "--strict"}
     assert completed("run a.yaml --law pd") == {"pd", "pd-joint"}
     assert completed("explain TS32") >= {"TS320", "TS325"}
     assert "wipe-table" in completed("new wipe")
@@ -440,7 +440,7 @@ def test_validate_survives_an_internal_error(
     def broken(_: object) -> None:
         raise ZeroDivisionError("as a\ntest")
 
-    monkeypatch.setattr("taskspec.examination.examine", broken)
+    monkeypatch.setattr("taskspec_runner.trial.check.examine", broken)
     result = call("validate", tap, here / "spoiled.yaml")
     assert result.exit_code == 3
     assert f"{tap}: internal error: ZeroDivisionError: as a test; please report" in result.stderr
@@ -468,6 +468,12 @@ def _used_by_children() -> float:
     """Processor time of the processes that have ended [s]."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
+
+
+def test_codes_of_the_trial_are_chosen_before_one_is_made(tap: Path) -> None:
+    """Each layer registers its codes, and this process has not imported the last one yet."""
+    done = in_a_process("validate", tap, "--static", "--select", "TS508")
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_validate_imports_nothing_that_it_does_not_need(tap: Path) -> None:

@@ -37,7 +37,7 @@ def spilled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mapped, "SPILL_ROWS", 700)
     monkeypatch.setattr(file_array, "LARGE", 1000)
     monkeypatch.setattr(file_array, "BLOCK_ROWS", 300)
-    monkeypatch.setattr(mapped, "_ROOM", 1024)
+    monkeypatch.setattr(mapped, "_FIRST_CAPACITY", 1024)
 
 
 @pytest.mark.parametrize("name", ["wipe-table", "crank", "unknown-normal", "press-qp", "conveyor"])

@@ -5,6 +5,7 @@ The pages are those of the repository, which the wheel carries too.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Sequence
 from importlib import resources
 from pathlib import Path
@@ -46,6 +47,10 @@ def title_of(code: str) -> str:
 def _register_all() -> None:
     """The later layers register their codes when they are imported."""
     import taskspec.examination  # noqa: F401
+
+    # Without MuJoCo there is no trial, and no code of it.
+    with contextlib.suppress(ImportError):
+        import taskspec_runner.trial.reported  # noqa: F401
 
 
 def _longest(code: str, prefixes: Iterable[str]) -> int | None:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 _SUFFIXES = (".yaml", ".yml")
 #: Without these a file is read, but nothing that needs a robot can be checked.
-_NUMERICAL = ("pinocchio", "casadi", "numpy", "scipy")
+_NUMERICAL = ("mujoco", "pinocchio", "casadi", "numpy", "scipy")
 #: Without this all but the trial can be done.
 _SIMULATOR = "mujoco"
 

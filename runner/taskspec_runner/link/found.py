@@ -6,8 +6,8 @@ from collections.abc import Callable
 from importlib.metadata import entry_points
 
 from taskspec.text.suggest import suggestion
-from taskspec_runner.errors import InputError
-from taskspec_runner.link.robot import LinkError, TorqueRobot
+from taskspec_runner.errors import InputError, LinkError
+from taskspec_runner.link.robot import TorqueRobot
 from taskspec_runner.link.udp_robot import UdpRobot
 
 #: Entry points: scheme to a function of the whole address that gives a `TorqueRobot`.

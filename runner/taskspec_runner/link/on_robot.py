@@ -14,8 +14,8 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
 from taskspec.program.worlds import World
-from taskspec_runner.errors import InputError
-from taskspec_runner.link.robot import LinkError, RobotFacts, Sample, TorqueRobot
+from taskspec_runner.errors import InputError, LinkError
+from taskspec_runner.link.robot import RobotFacts, Sample, TorqueRobot
 from taskspec_runner.loop.assembly import Assembly
 from taskspec_runner.record.bus import Bus
 

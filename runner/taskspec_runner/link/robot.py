@@ -172,17 +172,3 @@ class TorqueRobot(Protocol):
 
     def stop(self, reason: str) -> None:
         """Ends: from now on the robot brings itself to rest. May be called twice."""
-
-
-class LinkError(Exception):
-    """A robot, or who drives it, is no longer there.
-
-    Attributes:
-        name: a short name, such as `connection_lost`.
-        text: the same as a sentence.
-        ticks: of the run that were complete by then.
-    """
-
-    def __init__(self, name: str, text: str) -> None:
-        super().__init__(text)
-        self.name, self.text, self.ticks = name, text, 0

@@ -24,11 +24,11 @@ from taskspec.program.ports import fields
 from taskspec.program.program import Program
 from taskspec.program.worlds import World
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
-from taskspec_runner.errors import InputError
+from taskspec_runner.errors import InputError, LinkError
 from taskspec_runner.link import packets
 from taskspec_runner.link.address import Endpoint
 from taskspec_runner.link.packets import Packet, PacketError, StateBody
-from taskspec_runner.link.robot import LinkError, RobotFacts, RobotLimits
+from taskspec_runner.link.robot import RobotFacts, RobotLimits
 from taskspec_runner.link.waiting import received
 from taskspec_runner.loop.assembly import Assembly, assemble
 from taskspec_runner.loop.sensing import Sensing

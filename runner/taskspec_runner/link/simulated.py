@@ -10,7 +10,8 @@ from taskspec.program.execution.sensor_zero import SensorZero, sensor_zero
 from taskspec.program.program import Program
 from taskspec.program.world.holding import truly_holding
 from taskspec.program.worlds import World, true_world
-from taskspec_runner.link.robot import LinkError, RobotFacts, RobotLimits, Sample
+from taskspec_runner.errors import LinkError
+from taskspec_runner.link.robot import RobotFacts, RobotLimits, Sample
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.plant.plant import Plant
 

@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec import __version__
-from taskspec_runner.errors import InputError
+from taskspec_runner.errors import InputError, LinkError
 from taskspec_runner.link import packets
 from taskspec_runner.link.address import Endpoint, read_endpoint
 from taskspec_runner.link.packets import Packet, PacketError
 from taskspec_runner.link.robot import (
     CONTACT,
     READING,
-    LinkError,
     RobotFacts,
     RobotLimits,
     Sample,

@@ -20,7 +20,7 @@ from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec.spec.fault import Fault
 from taskspec.text.units import TIME, scaled
-from taskspec_runner.link.robot import LinkError
+from taskspec_runner.errors import LinkError
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.fault_time import FaultTime

@@ -14,8 +14,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program import events
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, Transition
-from taskspec_runner.errors import InputError
-from taskspec_runner.link.robot import LinkError
+from taskspec_runner.errors import InputError, LinkError
 from taskspec_runner.loop.closed_loop import HEALTHY, LOOK_EVERY, ClosedLoop
 from taskspec_runner.loop.driven import BlockSink, Driven, Senses, TickSink
 from taskspec_runner.loop.sensing import Sensing

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from taskspec.control.stopping import decay_time, stopping_torque, within_rate
 from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.machine import Machine
-from taskspec_runner.link.robot import LinkError
+from taskspec_runner.errors import LinkError
 
 if TYPE_CHECKING:
     from taskspec_runner.loop.closed_loop import ClosedLoop

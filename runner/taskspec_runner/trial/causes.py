@@ -35,6 +35,8 @@ Vector = NDArray[np.float64]
 EXPLAINS = 0.5
 #: A blow is over after so many half periods of the mass on its contact.
 BLOWS = 4.0
+#: Share of a limit up to which a blow is to come: its reference goes on meanwhile, and adds to it.
+BLOW_ROOM = 0.9
 #: Standard deviations within which readings of a run stay, but for some.
 DEVIATIONS = 3.0
 #: A mechanism is at its stop from this share of its range on.
@@ -104,7 +106,8 @@ def sensor_error(
     i = int(np.argmax(np.abs(moment.error) * counts))
     axis = moment.axes[i]
     reads = (
-        f"{'' if reading else 'a tick before, '}force.{axis} is measured as {show(float(measured[i]), 'N', 3)} where the tool applies "
+        f"{'' if reading else 'a tick before, '}force.{axis} is measured as "
+        f"{show(float(measured[i]), 'N', 3)} where the tool applies "
         f"{show(float(true[i]), 'N', 3)}"
     )
     return Cause(f"{reads}: {cause.text}", cause.hint, cause.place)
@@ -209,7 +212,7 @@ def blow(moment: Moment) -> Cause | None:
     bound = moment.stage.limits.force
     hint = "come there more slowly"
     if bound is not None and touch.peak > bound:
-        slower = inside(touch.speed * bound / touch.peak, upper=True, digits=2)
+        slower = inside(BLOW_ROOM * touch.speed * bound / touch.peak, upper=True, digits=2)
         hint = f"come there with {show(slower, 'mm/s')} or less, or raise the limit"
     return Cause(
         f"the tool meets {touch.contact!r} with {show(touch.speed, 'mm/s', 3)}, and "

@@ -77,9 +77,8 @@ def rates_of(law: Law, R: Matrix) -> Matrix:
     return np.asarray(ca.evalf(representation.inverse(phi)), dtype=float)
 
 
-def displaced(law: Law, R: ca.SX, error: ca.SX) -> ca.SX:
-    """The orientation (3, 3) that lies a law's error e (3,) [rad] beyond R (3, 3), frame axes."""
-    representation = representation_of(law)
+def displaced(representation: Representation | None, R: ca.SX, error: ca.SX) -> ca.SX:
+    """The orientation (3, 3) that lies an error e (3,) [rad] beyond R (3, 3), frame axes."""
     if representation is None:
         return rotation.exp(error) @ R
     return representation.matrix(representation.angles(R) + error)

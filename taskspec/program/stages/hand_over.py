@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cache
+
 import casadi as ca
 
-from taskspec.geometry.axis import AXES
+from taskspec.control.representation import Representation
 from taskspec.program.plan import StagePlan
 from taskspec.program.ports import HANDED, fields, slices
-from taskspec.program.reference.orientation import displaced
+from taskspec.program.reference.orientation import displaced, representation_of
+from taskspec.program.world.moving_base import MovingBase
 
 #: Outputs that a stage is left by, in addition to those that are handed on as they are.
 _LEFT = (
@@ -24,26 +28,54 @@ def leaving(plan: StagePlan) -> ca.Function:
     Axes with a force set point hand on where they were measured. Whether the next stage keeps track
     of the same mechanism is left to whoever knows it.
     """
-    size = sum(length for _, length in fields(len(plan.context.equations)))
+    forced = tuple(name.row for name, axis in plan.plans.items() if axis.set_point)
+    tracked = tuple(
+        name.row
+        for name, axis in plan.plans.items()
+        if axis.motion and not axis.force and not axis.open_loop
+    )
+    axes = tuple(name.row for name in plan.plans)
+    angles, equations = representation_of(plan.law), len(plan.context.equations)
+    if plan.moving_base is None:
+        return _leaving_still(axes, forced, tracked, angles, equations)
+    return _leaving(axes, forced, tracked, angles, equations, plan.moving_base)
+
+
+def _leaving(
+    axes: Sequence[int],
+    forced: Sequence[int],
+    tracked: Sequence[int],
+    angles: Representation | None,
+    equations: int,
+    base: MovingBase | None = None,
+) -> ca.Function:
+    """What `leaving` gives.
+
+    Args:
+        axes: rows of the axes that are controlled, and of those `forced`, which have a force set
+            point, and `tracked`, which hand on the reference of their motion.
+        angles: in which the law measures orientation; None for the rotation vector.
+        equations: how many there are.
+        base: that carries the frame.
+    """
+    size = sum(length for _, length in fields(equations))
     outputs, clock = ca.SX.sym("outputs", size), ca.SX.sym("clock")
     places = slices(fields(0))
     names = (*(name for name, _ in HANDED if name in places), *_LEFT)
     at = {name: outputs[places[name]] for name in names}
     R, frame = (ca.reshape(at[name], 3, 3) for name in ("tip_rotation", "frame"))
     error, twist, held, commanded = (ca.SX.zeros(6) for _ in range(4))
-    for name, axis in plan.plans.items():
-        i = AXES.index(name)
-        if axis.set_point:
+    for i in axes:
+        if i in forced:
             held[i], commanded[i] = at["force"][i], at["force_ref"][i]
-        tracked = axis.motion and not axis.force and not axis.open_loop
-        error[i] = at["error"][i] if tracked else 0.0
-        twist[i] = at["velocity_ref" if tracked else "velocity"][i]
+        error[i] = at["error"][i] if i in tracked else 0.0
+        twist[i] = at["velocity_ref" if i in tracked else "velocity"][i]
     offset = at["offset"]
-    R_ref = frame @ displaced(plan.law, frame.T @ R, error[3:])
+    R_ref = frame @ displaced(angles, frame.T @ R, error[3:])
     spin = frame @ twist[3:]
     own = ca.vertcat(frame @ twist[:3] - ca.cross(spin, offset), spin)
-    if plan.moving_base is not None:
-        own += plan.moving_base.at(clock).twist(at["tip"])
+    if base is not None:
+        own += base.at(clock).twist(at["tip"])
     values = {
         "p": at["tip"] + offset + frame @ error[:3] - R_ref @ (R.T @ offset),
         "R": ca.vec(R_ref),
@@ -57,3 +89,7 @@ def leaving(plan: StagePlan) -> ca.Function:
     }
     found = ca.vertcat(*(values[name] for name, _ in HANDED))
     return ca.Function("leaving", [outputs, clock], [ca.densify(found)])
+
+
+#: Without a base it is the same for all stages with such axes.
+_leaving_still = cache(_leaving)
