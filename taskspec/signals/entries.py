@@ -45,13 +45,13 @@ def _both(linear: _Value, angular: _Value) -> dict[str, _Value]:
 
 @signal("clock", TIME, of=Index.CLOCK, low=0.0)
 def _clock(at: Situation) -> ca.SX:
-    """Time since the run began [s]."""
+    """Time since the run began."""
     return at.clock
 
 
 @signal("t", TIME, of=Index.CLOCK, low=0.0)
 def _t(at: Situation) -> ca.SX:
-    """Time since the stage began [s]."""
+    """Time since the stage began."""
     return at.t
 
 
@@ -143,7 +143,7 @@ def _tilt(at: Situation) -> ca.SX:
 
 @signal("speed", VELOCITY, low=0.0, limit="speed")
 def _speed(at: Situation) -> ca.SX:
-    """Speed of the tip [m/s]."""
+    """Speed of the tip."""
     return norm(at.world.twist[:3])
 
 
@@ -197,13 +197,13 @@ def _limited(at: Situation) -> ca.SX:
 
 @signal("position", ANGLE, of=Index.JOINT)
 def _joint_position(at: Situation, number: str) -> ca.SX:
-    """Position of joint N, counted from 1 [rad, m]."""
+    """Position of joint N, counted from 1."""
     return at.q[int(number) - 1]
 
 
 @signal("velocity", ANGULAR_VELOCITY, of=Index.JOINT)
 def _joint_velocity(at: Situation, number: str) -> ca.SX:
-    """Velocity of joint N [rad/s, m/s]."""
+    """Velocity of joint N."""
     return at.v[int(number) - 1]
 
 
@@ -214,7 +214,7 @@ def _joint_velocity(at: Situation, number: str) -> ca.SX:
     reference="a reference cannot depend on the torque that follows from it",
 )
 def _joint_torque(at: Situation, number: str) -> ca.SX:
-    """Torque commanded to joint N [N m, N]."""
+    """Torque commanded to joint N."""
     return at.torque[int(number) - 1]
 
 
@@ -250,7 +250,7 @@ def _object_gap(at: Situation, name: str) -> ca.SX | None:
 
 @signal("angle", of={"hinge": ANGLE, "screw": ANGLE})
 def _object_angle(at: Situation, name: str) -> ca.SX | None:
-    """Coordinate of a mechanism, over several turns [rad]."""
+    """Its coordinate, over several turns."""
     return at.objects[name].coordinate
 
 
