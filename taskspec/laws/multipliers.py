@@ -74,5 +74,21 @@ class Multipliers:
         return Command(
             wrench=released,
             joint_acceleration=self.kept(wanted),
-            joint=-reaction - self.J.T @ (damping * self.closing),
+            joint=-reaction - self._damped(damping),
         )
+
+    def _damped(self, damping: ca.DM | ca.SX) -> ca.SX:
+        """J_phi^T of damping times `closing` (n,).
+
+        Where a gradient is constant, so is its product with the gain: rounding is that of one
+        factor, whether the gain is a number or a parameter.
+        """
+        found = ca.SX.zeros(self.J.shape[1])
+        for j in range(self.J.shape[0]):
+            for i in range(self.J.shape[1]):
+                along, closing = self.J[j, i], self.closing[j]
+                if along.is_constant():
+                    found[i] += along * damping[j] * closing
+                else:
+                    found[i] += along * (damping[j] * closing)
+        return found

@@ -164,3 +164,17 @@ def test_p_on_reaction_torque(sample):
     on_first = value(reduced.T)[:, :m].T @ sample.J.T
     expected = np.linalg.solve(on_first, k * (on_first @ (desired - measured)))
     assert force - desired == pytest.approx(expected, rel=1e-8, abs=1e-8)
+
+
+def test_constant_gradients_damp_to_the_same_bits_by_numbers_and_by_parameters():
+    """CasADi makes one number of a constant gradient and a constant gain; parameters must, too."""
+    J = np.full((1, 3), 1 / np.sqrt(3.0))
+    none, closing, gain = ca.SX.zeros(1), ca.SX.sym("closing"), ca.SX.sym("damping")
+    on = Multipliers(("bars",), sx(J), none, sx(J.T), closing, none, none, none, ca.SX.zeros(3))
+    found = []
+    for damping in (gain, ca.DM(4.4979772559194755)):
+        torque = on.command(ca.SX.zeros(3), ca.SX.zeros(3), damping, none).joint
+        found.append(ca.Function("damped", [closing, gain], [torque]))
+    for rate in RNG.normal(size=200):
+        by_parameter, by_number = (np.array(f(rate, 4.4979772559194755)) for f in found)
+        assert np.array_equal(by_parameter, by_number)
