@@ -226,6 +226,7 @@ def admitted(file: Path, given: TaskOptions, *, force: bool) -> Program:
 def _examined(file: Path, given: TaskOptions) -> Examination:
     """The file with what its rules find; how its run ends the run itself will show."""
     from taskspec.examination import examine
+    from taskspec.program.program import refusals
     from taskspec.rules import predicted
     from taskspec.text.diagnostic import Severity
 
