@@ -231,6 +231,8 @@ def _examined(file: Path, given: TaskOptions) -> Examination:
     from taskspec.text.diagnostic import Severity
 
     examined = examine(load(file, given.sets, given.law))
+    if refusals(examined.findings):
+        return examined
     findings = [
         found
         for found in examined.findings
