@@ -493,7 +493,7 @@ def test_a_long_log_is_read_in_parts_to_the_same_end(
         log.write_text("\n".join(kept) + "\n")
     plain = read_recording(program, log, read_columns(columns))
     monkeypatch.setattr(mapped, "SPILL_ROWS", 700)
-    monkeypatch.setattr(mapped, "_ROOM", 1024)
+    monkeypatch.setattr(mapped, "_FIRST_CAPACITY", 1024)
     monkeypatch.setattr(file_array, "LARGE", 1000)
     monkeypatch.setattr(file_array, "BLOCK_ROWS", 300)
     monkeypatch.setattr(guards, "BLOCK_ROWS", 60)
@@ -514,7 +514,7 @@ def test_a_long_log_is_read_in_parts_to_the_same_end(
 def test_texts_that_are_too_many_name_no_stages(
     task: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sample_texts, "_MOST", 100)
+    monkeypatch.setattr(sample_texts, "_MOST_TEXTS", 100)
     columns = {"time": np.arange(500) * 1e-3, "stage": [f"s{i}" for i in range(500)]}
     columns["force.x.measured"] = np.zeros(500)
     log = written(tmp_path / "log.csv", columns, {"time": "s", "force.x.measured": "N"})
