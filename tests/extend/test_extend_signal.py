@@ -77,7 +77,7 @@ def test_every_command(task: Path, tmp_path: Path) -> None:
     [
         (("19 deg/s", "19 mm/s"), "TS113"),
         (("spin > 19", "spim > 19"), "TS120"),
-        (("spin > 19 deg/s for 50 ms", "spin < -1 deg/s"), "TS611"),
+        (("spin > 19 deg/s for 50 ms", "spin < -1 deg/s"), "TS612"),
         (("spin_up.spin < 25", "spin_up.spin < -1"), "TS722"),
         (("  hold:", "  spin:"), "TS125"),
         (("spin_up.spin <", "spin_up.spin in world <"), "TS116"),

@@ -8,12 +8,9 @@ from taskspec.program.program import Program
 from taskspec.program.worlds import random_world
 from taskspec.rules.finding import Finding, warning
 from taskspec.spec import FILE
-from taskspec.text.codes import register
 from taskspec_runner.sweep.statistics import influences, regions
 from taskspec_runner.sweep.summary import region_text
 from taskspec_runner.sweep.world_run import Row, run_world
-
-register({"TS622": "worlds of `vary` that end badly"})
 
 #: An influence that would come about by chance as often as this is none.
 _BY_CHANCE = 0.05

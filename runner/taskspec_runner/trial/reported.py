@@ -47,6 +47,7 @@ register(
         "TS617": "a bound that ends a stage before it comes to its surface",
         "TS618": "a failure that comes about",
         "TS621": "a run that breaks off",
+        "TS622": "worlds of `vary` that end badly",
         "TS726": "an expectation that is missed",
     }
 )
