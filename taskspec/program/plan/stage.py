@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.expression import Expression
 from taskspec.geometry.axis import Axis
 from taskspec.laws.computed_torque import COMPUTED_TORQUE
 from taskspec.laws.gains import Gains, on_axis
@@ -158,7 +157,7 @@ class StagePlan:
     @cached_property
     def path_share(self) -> float:
         """How fast its path's time goes at nominal signals: 1, but where signals slow it."""
-        return nominal_share(self.context, self.spec, self.path, self._known_values)
+        return nominal_share(self.context, self.spec, self.path, self.known)
 
     @cached_property
     def least_share(self) -> float:
@@ -175,13 +174,12 @@ class StagePlan:
     @cached_property
     def contacts(self) -> StageContacts:
         """The objects that it presses on, runs into or holds."""
-        known = self._known_values
-        return StageContacts(self.context, self.spec, self.frame, self.kinematics, known)
+        return StageContacts(self.context, self.spec, self.frame, self.kinematics, self.known)
 
     @cached_property
     def set_points(self) -> StageSetPoints:
         """Its forces and torques, as far as the file tells what they are."""
-        return StageSetPoints(self.spec, self.kinematics, self._known_values, self.longest)
+        return StageSetPoints(self.spec, self.kinematics, self.known, self.longest)
 
     @cached_property
     def environment(self) -> StageEnvironment:
@@ -281,14 +279,9 @@ class StagePlan:
         """
         return self.plans[axis].mode.coupling(self, axis)
 
-    def known(
-        self, expression: Expression, clocks: Mapping[str, float] | None = None
-    ) -> float | None:
-        """What an expression is worth before a run; see `KnownValues`."""
-        return self._known_values(expression, clocks)
-
     @cached_property
-    def _known_values(self) -> KnownValues:
+    def known(self) -> KnownValues:
+        """Values of expressions before a run."""
         return KnownValues(self.context)
 
     # Its gains
