@@ -16,8 +16,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
 
 from golden import ERRORS, FOLDER, GOOD, diagnostics_of, expected, of_files, reading_of, rendered
 
-#: A tool's sizes are checked when a file is read, so no file comes as far as TS407; worlds of `vary`
-#: are run where `validate --worlds` wants it (TS622).
+#: A tool's sizes are checked when a file is read, so no file comes as far as TS407; worlds of
+#: `vary` are run where `validate --worlds` wants it (TS622).
 FROM_CODE_ALONE = {"TS407", "TS622"}
 #: Files that do not show the code that they are named after, and why.
 ACCEPTED: dict[str, str] = yaml.safe_load((FOLDER / "accepted.yaml").read_text(encoding="utf-8"))
