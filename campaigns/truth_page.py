@@ -38,9 +38,8 @@ is on the boundary of stability.
 **Announced** is a bad run if there was an error or warning whose code announces its end; which code
 announces which is in `campaigns/announcements.yaml`.
 
-**Run ahead.** Where looks at single stages leave a doubt, `validate` runs the closed loop ahead
-itself, on a plain plant that knows nothing of the simulator's solver, with the sensor's noise of a
-run's first seed: see [the language](language.md#tasks-that-are-run-ahead).
+**The trial.** `validate` runs each file that no error refuses once, as `run` does: see
+[the language](language.md#the-trial). A refused file counts as announced by its errors.
 
 **Disagreements.** Of a bad run that was not announced a table has why, where it was traced, else
 how it ended; of a good run that was warned of, each warning, and what the run did of it, measured

@@ -15,6 +15,7 @@ from taskspec.text.codes import CODES
 from taskspec.text.confines import confines
 from taskspec.text.diagnostic import Severity
 from taskspec.text.units import parse_unit
+from taskspec_runner.trial import reported  # noqa: F401  (it registers the codes of trials)
 
 
 def test_the_readme_counts_the_tasks_and_names_the_laws():
@@ -61,6 +62,12 @@ def test_links_lead_somewhere(path):
         assert anchor in {re.sub(r"[^\w -]", "", h).lower().replace(" ", "-") for h in heads}
 
 
+#: Codes that are not given again; tables of older commits and the index name them.
+RETIRED = {"TS328", "TS329"}
+
+
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
 def test_codes_that_are_named_exist(path):
-    assert set(re.findall(r"TS\d{3}", path.read_text(encoding="utf-8"))) <= CODES.keys()
+    named = set(re.findall(r"TS\d{3}", path.read_text(encoding="utf-8")))
+    assert named <= CODES.keys() | RETIRED
+    assert not RETIRED & CODES.keys()
