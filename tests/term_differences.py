@@ -18,7 +18,7 @@ TERMS = ("H", "C q' + g", "g", "J", "p", "R", "J' q'")
 
 def differences(robot, seed: int, states: int = 20) -> dict[str, float]:
     """The largest difference of each term, as a share of the largest entry that it has."""
-    n, rng = robot.pin.nv, np.random.default_rng(seed)
+    n, rng = robot.n, np.random.default_rng(seed)
     ours, theirs = CompiledTerms(robot), PinocchioTerms(robot)
     size, worst = np.zeros(len(TERMS)), np.zeros(len(TERMS))
     for _ in range(states):

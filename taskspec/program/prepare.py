@@ -99,7 +99,7 @@ def prepare(
 def arm_at(robot: RobotModel, q: Vector) -> dict[str, Any]:
     """Quantities of an arm in a configuration (n,), as attributes of a `Context`."""
     terms = PinocchioTerms(robot)
-    terms.at(q, np.zeros(robot.pin.nv))
+    terms.at(q, np.zeros(robot.n))
     p, R = terms.tip()
     return {
         "start": q,

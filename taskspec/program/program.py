@@ -100,7 +100,7 @@ class Program:
             terms: who evaluates the model terms; Pinocchio is ready at once.
             own: makes the solvers that are tried before the named one.
         """
-        n = self.context.robot.pin.nv
+        n = self.context.robot.n
         context, task = self.context, self.context.loaded.task
         if views is None:
             lengths = (n, n, 6, len(context.equations), n, self.output_size)

@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
+from taskspec.robot.coupling import Coupling
 from taskspec.robot.links import Links
 from taskspec.robot.pinocchio_model import Bodies
 from taskspec.robot.types import FileRemark, ToolBody, ToolGeometry
@@ -38,12 +39,13 @@ class KnownArm:
     """All of a `RobotModel` but the libraries' own objects; see there.
 
     Attributes:
-        bodies: What Pinocchio's model is rebuilt from; its joints are the robot's.
+        bodies: What Pinocchio's model is rebuilt from; its joints are those of `coupling`.
         tip_number: MuJoCo's number of the body `tip_body`.
     """
 
     name: str
     bodies: Bodies
+    coupling: Coupling
     axes: tuple[Axis, ...]
     home: Array
     lower: Array

@@ -142,6 +142,21 @@ def _moves(m: mujoco.MjModel, joint: int, other: int) -> bool:
     return body > 0
 
 
+def carrying(m: mujoco.MjModel, body: int) -> set[int]:
+    """The joints that move a body."""
+    found: set[int] = set()
+    while body:
+        first = int(m.body_jntadr[body])
+        found.update(range(first, first + int(m.body_jntnum[body])))
+        body = int(m.body_parentid[body])
+    return found
+
+
+def moves(m: mujoco.MjModel, chain: Chain, link: str) -> bool:
+    """Whether a chain moves a link."""
+    return bool(carrying(m, m.body(link).id) & set(chain.joints))
+
+
 def _moving() -> tuple[int, int]:
     """The types of joints that an arm may have."""
     return int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)

@@ -13,6 +13,7 @@ import numpy as np
 from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.errors import RobotError
+from taskspec.robot.inertias import Unphysical
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -35,18 +36,21 @@ class Description:
         model: The file as it is, compiled.
         source: Where the numbers come from.
         velocity: Velocity limits by joint id [rad/s or m/s].
-        mimics: Joints that follow another one, which none of an arm's may.
-        followed: Joints that others follow, as the driven finger of a gripper is.
+        coupled: Joints that follow another one or that another one follows, as a gripper's fingers
+            do.
+        constraints: The model's equality constraints in words, with file and line where known.
         notes: What could not be read as it is written.
+        unphysical: Links whose inertia no body has; `model` has another one.
     """
 
     name: str
     model: mujoco.MjModel
     source: str
     velocity: Mapping[int, float] = field(default_factory=dict)
-    mimics: tuple[str, ...] = ()
-    followed: tuple[str, ...] = ()
+    coupled: tuple[str, ...] = ()
+    constraints: Mapping[int, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    unphysical: tuple[Unphysical, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,12 +113,25 @@ def velocity_limits(m: mujoco.MjModel) -> dict[int, float]:
     return {j: float(limit) for j, limit in enumerate(data) if limit > 0}
 
 
+def driven_joints(m: mujoco.MjModel) -> frozenset[int]:
+    """The joints on which an actuator acts."""
+    return frozenset(
+        int(m.actuator_trnid[i, 0])
+        for i in range(m.nu)
+        if m.actuator_trntype[i] in _on_joints() and m.actuator_gear[i, 0]
+    )
+
+
+def _on_joints() -> tuple[int, int]:
+    """The transmissions by which an actuator acts on a joint."""
+    return int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+
+
 def torque_limit(m: mujoco.MjModel, joint: int) -> float:
     """The largest torque or force that the file allows on a joint [N·m or N]."""
     limit = float(np.abs(m.jnt_actfrcrange[joint]).min()) if m.jnt_actfrclimited[joint] else np.inf
-    moves_joint = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
     for i in range(m.nu):
-        on_joint = m.actuator_trntype[i] in moves_joint and m.actuator_trnid[i, 0] == joint
+        on_joint = m.actuator_trntype[i] in _on_joints() and m.actuator_trnid[i, 0] == joint
         gear = abs(float(m.actuator_gear[i, 0]))
         if not on_joint or gear == 0:
             continue

@@ -11,6 +11,7 @@ from dataclasses import field
 from hashlib import sha256
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.bounds import MOST_DEPTH, MOST_ELEMENTS, check_text, too_large
@@ -208,8 +209,13 @@ def find_mesh(uri: str, folder: Path, roots: Roots) -> Path | None:
     return path if roots.hold(path) and is_regular(path) else None
 
 
-def parse_xml(text: str, shown: str) -> ElementTree.Element:
+def parse_xml(text: str, shown: str, *, placed: bool = True) -> ElementTree.Element:
     """The elements of a robot's file.
+
+    Args:
+        text: Of the file.
+        shown: The file as the user wrote it.
+        placed: Whether lines of the text are lines of that file; see `line_of`.
 
     Raises:
         RobotError: TS402 when it is not XML; TS403 when it defines a document type, is too deep,
@@ -218,17 +224,52 @@ def parse_xml(text: str, shown: str) -> ElementTree.Element:
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise RobotError("TS403", f"'{shown}' defines a document type", "remove the <!DOCTYPE …>")
     check_text(text, shown)
+    builder = ElementTree.TreeBuilder(element_factory=_Placed)
+    parser = expat.ParserCreate(namespace_separator="}")
+    parser.buffer_text = True
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        element = builder.start(_qualified(tag), {_qualified(k): v for k, v in attributes.items()})
+        if placed and isinstance(element, _Placed):
+            element.file, element.line = shown, parser.CurrentLineNumber
+
+    parser.StartElementHandler, parser.CharacterDataHandler = begin, builder.data
+    parser.EndElementHandler = lambda tag: builder.end(_qualified(tag))
     try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        line, column = error.position
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
         raise RobotError(
             "TS402",
-            f"'{shown}' is not well-formed XML: line {line}, column {column + 1}",
-            str(error).split(":", maxsplit=1)[0],
+            f"'{shown}' is not well-formed XML: line {error.lineno}, column {error.offset + 1}",
+            expat.errors.messages[error.code],
         ) from None
+    root = builder.close()
     check_size(root, shown)
     return root
+
+
+class _Placed(ElementTree.Element):
+    """An element that knows where it was written."""
+
+    file = ""
+    line = 0
+
+
+def _qualified(name: str) -> str:
+    """A name as ElementTree has it, of one as expat gives it."""
+    return f"{{{name}" if "}" in name else name
+
+
+def line_of(element: ElementTree.Element, shown: str) -> str:
+    """Where an element is written, as the end of a phrase; empty where nobody knows.
+
+    Args:
+        element: Of a robot's file.
+        shown: The file, which is named where the element is in one that it includes.
+    """
+    if not isinstance(element, _Placed) or not element.line:
+        return ""
+    return f" ({element.file or shown}, line {element.line})"
 
 
 def on_one_line(root: ElementTree.Element) -> str:

@@ -7,11 +7,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.inverse_kinematics import InverseKinematics, Target
-from taskspec.robot.mobility import tip_jacobian
 from taskspec.robot.types import RobotModel
 
 if TYPE_CHECKING:
@@ -123,7 +121,7 @@ def _worst(robot: RobotModel, q: Array, reach: float) -> float:
 
 
 def _dexterity(robot: RobotModel, q: Array, reach: float) -> float:
-    J = tip_jacobian(robot.pin, robot.tip_joint, robot.tip, q)
+    J = robot.twin().resolved_jacobian(q)
     scale = np.array([1, 1, 1, _LEVER, _LEVER, _LEVER]) / reach
     rows = [i for i, axis in enumerate(("x", "y", "z", "rx", "ry", "rz")) if axis in robot.axes]
     return float(np.linalg.svd((J * scale[:, None])[rows], compute_uv=False)[-1])
@@ -137,7 +135,7 @@ def _room(robot: RobotModel, q: Array) -> float:
 
 
 def _spare(robot: RobotModel, q: Array) -> float:
-    gravity = pin.computeGeneralizedGravity(robot.pin, robot.pin.createData(), q)
+    gravity = robot.twin().gravity(q)
     return _BORNE - float((np.abs(gravity) / robot.torque_limit).max())
 
 
@@ -157,8 +155,8 @@ def _around(
         worst = min(worst, _spare(robot, there))
     if worst <= 0:
         return None
-    J = tip_jacobian(robot.pin, robot.tip_joint, robot.tip, q)
-    gravity = pin.computeGeneralizedGravity(robot.pin, robot.pin.createData(), q)
+    J = robot.twin().resolved_jacobian(q)
+    gravity = robot.twin().gravity(q)
     left = 0.5 * (robot.torque_limit - np.abs(gravity))
     force = float(np.min(left / np.maximum(np.abs(J[2]), 1e-9)))
     return FirstStart(q, at.translation, stroke, force)

@@ -89,8 +89,7 @@ class InverseKinematics:
 
     def __init__(self, robot: RobotModel) -> None:
         self.robot = robot
-        self._data = robot.pin.createData()
-        self._tip = robot.pin.getFrameId("tip")
+        self._twin = robot.twin()
         finite = np.isfinite(robot.upper - robot.lower)
         span = np.where(finite, robot.upper - robot.lower, 0.0)
         self.lower = robot.lower + _MARGIN * span
@@ -98,8 +97,7 @@ class InverseKinematics:
 
     def pose(self, q: Array) -> pin.SE3:
         """The tip's pose in the world at `q` (n,)."""
-        pin.forwardKinematics(self.robot.pin, self._data, q)
-        return self._data.oMi[self.robot.tip_joint] * self.robot.tip
+        return self._twin.tip(q)
 
     def error(self, q: Array, target: Target) -> Array:
         """The pose error at `q` (n,), world: weighted translation, then rotation vector (6,).
@@ -142,6 +140,7 @@ class InverseKinematics:
         robot = self.robot
         return (
             robot.pin.saveToString(),
+            robot.coupling.content,
             robot.tip_joint,
             robot.tip.homogeneous.tobytes(),
             robot.home.tobytes(),
@@ -231,9 +230,7 @@ class InverseKinematics:
         return inside
 
     def _jacobian(self, q: Array, target: Target) -> Array:
-        J: Array = pin.computeFrameJacobian(
-            self.robot.pin, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED
-        )
+        J = self._twin.jacobian(q)
         J[:3] *= target.weight
         return J[: 3 if target.rotation is None else 5 if target.any_yaw else 6]
 
@@ -246,7 +243,7 @@ class InverseKinematics:
 
     def _unwound(self, q: Array) -> Array:
         """The same pose with every hinge within half a turn of home, where its limits allow it."""
-        turns = np.array([turns_at(self.robot, i) for i in range(len(q))])
-        unwound = q - 2 * np.pi * np.round((q - self.robot.home) / (2 * np.pi)) * turns
+        turns = np.round((q - self.robot.home) / (2 * np.pi)) * self.robot.coupling.turns
+        unwound = q - 2 * np.pi * turns
         fits = (unwound >= self.lower) & (unwound <= self.upper)
         return np.where(fits, unwound, q)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.poses import pose
+from taskspec.robot.twin import Twin
 
 Vector = NDArray[np.float64]
 Balls = tuple[Vector, Vector]
@@ -52,17 +53,16 @@ class Links:
     centers: Vector
     radii: Vector
 
-    def at(self, model: pin.Model, q: Vector) -> tuple[Vector, pin.Data]:
-        """(k, 3) the centres in the world with the joints at q (n,) [m], and where joints are."""
-        data = model.createData()
-        pin.forwardKinematics(model, data, q)
+    def at(self, twin: Twin, q: Vector) -> Vector:
+        """(k, 3) the centres in the world with the arm at q (n,) [m]."""
+        data = twin.place(q)
         found = np.empty_like(self.centers)
         # Balls of one link follow each other.
         begins = [0, *(np.flatnonzero(np.diff(self.joint)) + 1).tolist(), len(found)]
         for begin, end in itertools.pairwise(begins if len(found) else ()):
             at = data.oMi[int(self.joint[begin])]
             found[begin:end] = self.centers[begin:end] @ at.rotation.T + at.translation
-        return found, data
+        return found
 
 
 def links_of(

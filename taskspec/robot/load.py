@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,14 +16,9 @@ from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.robot.arm import KnownArm, arm_key, keep_arm, known_arm
-from taskspec.robot.chain import Chain, find_chain
-from taskspec.robot.description import (
-    BOUND_MASS,
-    Description,
-    RobotFile,
-    listening,
-    torque_limit,
-)
+from taskspec.robot.chain import Chain, find_chain, moves
+from taskspec.robot.constraints import coordinates
+from taskspec.robot.description import BOUND_MASS, Description, RobotFile, listening
 from taskspec.robot.errors import RobotError
 from taskspec.robot.files import looks_like_path, noting_files
 from taskspec.robot.library import builtin_names, is_builtin, read_builtin
@@ -31,10 +27,11 @@ from taskspec.robot.mobility import is_planar, tip_axes
 from taskspec.robot.own import read_own, read_packaged
 from taskspec.robot.packages import is_packaged
 from taskspec.robot.pinocchio_model import Bodies, pinocchio_model
-from taskspec.robot.poses import mirrored, pose_of_rpy
+from taskspec.robot.poses import pose_of_rpy
 from taskspec.robot.rebuild import rebuild
 from taskspec.robot.remarks import remarks
 from taskspec.robot.tool import attach, make_tool
+from taskspec.robot.twin import Twin
 from taskspec.robot.types import MujocoArm, RobotLike, RobotModel, ToolBody
 from taskspec.text.codes import register
 
@@ -144,8 +141,9 @@ def _made(section: _Section, source: RobotFile) -> RobotModel:
         name=arm.name,
         simulated=simulated,
         pin=twin,
-        joint_names=arm.bodies.joint_names,
-        hinges=tuple(arm.bodies.hinge.tolist()),
+        coupling=arm.coupling,
+        joint_names=tuple(arm.coupling.names[j] for j in arm.coupling.free),
+        hinges=tuple(arm.coupling.hinges[j] for j in arm.coupling.free),
         axes=arm.axes,
         home=arm.home,
         lower=arm.lower,
@@ -171,37 +169,36 @@ def _compiled(
 ) -> tuple[KnownArm, tuple[mujoco.MjSpec, mujoco.MjModel]]:
     """The arm of a description, and MuJoCo's specification and model of it."""
     m = description.model
-    chain = find_chain(m, robot.flange, (*description.mimics, *description.followed))
-    joints = list(chain.joints)
-    _check_mimics(description, chain)
+    chain = find_chain(m, robot.flange, description.coupled)
     whole_home = home_configuration(m)
-    home = whole_home[m.jnt_qposadr[joints]]
+    found = coordinates(description, chain, whole_home)
+    whole_home[m.jnt_qposadr[list(chain.joints)]] = found.coupling.joints(found.home)
     base = pose_of_rpy(robot.base.xyz, robot.base.rpy)
     arm = rebuild(m, chain, whole_home, base)
     planar = is_planar(m, chain)
     flange = _tool_mount(chain, planar)
     tool = make_tool(robot.tool, planar)
     tip_body, tool_geoms = attach(arm.carrier, flange, tool, set(arm.body_names))
-    torques = np.array([torque_limit(m, j) for j in joints])
-    _add_motors(arm.spec, arm.joint_names, torques)
+    coupling = replace(found.coupling, names=arm.joint_names)
+    _add_motors(arm.spec, [arm.joint_names[j] for j in coupling.free], found.torque)
     if robot.balanced:
         for body in arm.spec.bodies:
             body.gravcomp = 1.0
     model = _compile(arm.spec, description.name)
     bodies, tip_number = Bodies.of(model), model.body(tip_body).id
-    twin, tip_joint, tip = _twin(bodies, tip_number, balanced=robot.balanced)
-    _check_inertia(twin, home, _bare(bodies, tip_number), tool.mass)
-    axes = tip_axes(twin, tip_joint, tip)
-    limited = m.jnt_limited[joints].astype(bool)
+    twin = Twin(*_twin(bodies, tip_number, balanced=robot.balanced), coupling)
+    _check_inertia(twin, found.home, _bare(bodies, tip_number), tool.mass)
+    axes = tip_axes(twin)
     known = KnownArm(
         name=description.name,
         bodies=bodies,
+        coupling=coupling,
         axes=axes,
-        home=home,
-        lower=np.where(limited, m.jnt_range[joints, 0], -np.inf),
-        upper=np.where(limited, m.jnt_range[joints, 1], np.inf),
-        velocity_limit=np.array([description.velocity.get(j, np.inf) for j in joints], dtype=float),
-        torque_limit=torques,
+        home=found.home,
+        lower=found.lower,
+        upper=found.upper,
+        velocity_limit=found.velocity,
+        torque_limit=found.torque,
         tool=tool.geometry,
         tool_geoms=tool_geoms,
         tip_body=tip_body,
@@ -219,7 +216,11 @@ def _compiled(
         source=description.source,
         flange=chain.label,
         notes=description.notes + arm.notes + _short_of(axes, m, chain),
-        remarks=() if planar else remarks(m, chain, whole_home),
+        remarks=(
+            *(each.remark for each in description.unphysical if moves(m, chain, each.link)),
+            *found.remarks,
+            *(() if planar else remarks(m, chain, whole_home)),
+        ),
     )
     return known, (arm.spec, model)
 
@@ -257,18 +258,6 @@ def _compile(spec: mujoco.MjSpec, name: str) -> mujoco.MjModel:
         raise RobotError("TS404", f"MuJoCo cannot compile the arm of '{name}': {reason}") from None
 
 
-def _check_mimics(description: Description, chain: Chain) -> None:
-    for j in chain.joints:
-        name = description.model.joint(j).name
-        if name in description.mimics:
-            raise RobotError(
-                "TS405",
-                f"joint '{name}' mimics another joint",
-                "an arm moves every joint by itself: name a flange before this one",
-                ("flange",),
-            )
-
-
 def _short_of(axes: tuple[Axis, ...], m: mujoco.MjModel, chain: Chain) -> tuple[str, ...]:
     turns = (m.jnt_type[list(chain.joints)] == mujoco.mjtJoint.mjJNT_HINGE).any()
     if not turns or len(axes) < 3 or any(axis.is_rotation for axis in axes):
@@ -283,7 +272,7 @@ def _bare(bodies: Bodies, tip: int) -> str:
     return f": {bare} of the robot's {len(masses)} bodies have none" if bare else ""
 
 
-def _check_inertia(twin: pin.Model, home: Array, bare: str, tool: float) -> None:
+def _check_inertia(twin: Twin, home: Array, bare: str, tool: float) -> None:
     """Refuses an arm of which a joint moves nothing that has a mass.
 
     Args:
@@ -292,10 +281,9 @@ def _check_inertia(twin: pin.Model, home: Array, bare: str, tool: float) -> None
         bare: How many of its bodies have no mass, in words.
         tool: The tool's mass [kg].
     """
-    data = twin.createData()
-    moments, directions = np.linalg.eigh(mirrored(pin.crba(twin, data, home)))
+    moments, directions = np.linalg.eigh(twin.inertia(home))
     if moments[0] < _LEAST_INERTIA:
-        name = twin.names[1 + int(np.abs(directions[:, 0]).argmax())]
+        name = twin.coupling.names[twin.coupling.free[int(np.abs(directions[:, 0]).argmax())]]
         raise RobotError(
             "TS405",
             f"joint '{name}' moves nothing that has a mass{bare}",
@@ -327,7 +315,7 @@ def _tool_mount(chain: Chain, planar: bool) -> pin.SE3:
     return chain.flange * pin.SE3(pin.utils.rotate("y", np.pi / 2), np.zeros(3))
 
 
-def _add_motors(spec: mujoco.MjSpec, joints: tuple[str, ...], limits: Array) -> None:
+def _add_motors(spec: mujoco.MjSpec, joints: Sequence[str], limits: Array) -> None:
     for name, limit in zip(joints, limits, strict=True):
         motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.set_to_motor()

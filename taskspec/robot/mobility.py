@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from taskspec.deferred import mujoco
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.robot.chain import Chain
 from taskspec.robot.errors import RobotError
+from taskspec.robot.twin import Twin
 from taskspec.text.codes import register
 
 register({"TS408": "a tool tip that cannot move along the world's axes"})
@@ -25,16 +25,14 @@ _ZERO = 1e-9
 _RANK = 1e-6
 
 
-def tip_axes(model: pin.Model, joint: int, tip: pin.SE3) -> tuple[Axis, ...]:
+def tip_axes(twin: Twin) -> tuple[Axis, ...]:
     """The world axes along and about which the tip can move independently.
 
     Those are the rows of the tip's Jacobian that are not identically zero; where an arm has fewer
     joints than such rows, its translations alone.
 
     Args:
-        model: The arm, in the pose of its base.
-        joint: The joint that carries the tip.
-        tip: The tip's pose in that joint.
+        twin: The arm, in the pose of its base.
 
     Returns:
         Names out of `x y z rx ry rz`, in this order.
@@ -45,9 +43,7 @@ def tip_axes(model: pin.Model, joint: int, tip: pin.SE3) -> tuple[Axis, ...]:
     rows = np.zeros(6, dtype=bool)
     rank = np.zeros(2, dtype=int)
     rng = np.random.default_rng(0)
-    samples = [
-        tip_jacobian(model, joint, tip, rng.uniform(-1.5, 1.5, model.nq)) for _ in range(_SAMPLES)
-    ]
+    samples = [twin.resolved_jacobian(rng.uniform(-1.5, 1.5, twin.n)) for _ in range(_SAMPLES)]
     for J in samples:
         rows |= np.abs(J).max(axis=1) > _ZERO
     for J in samples:
@@ -60,26 +56,11 @@ def tip_axes(model: pin.Model, joint: int, tip: pin.SE3) -> tuple[Axis, ...]:
     moved = ", ".join(axis for axis, exists in zip(AXES[:3], rows[:3], strict=True) if exists)
     raise RobotError(
         "TS408",
-        f"the arm's {model.nv} joints cannot move the tip along the world's {moved} one by one",
+        f"the arm's {twin.n} joints cannot move the tip along the world's {moved} one by one",
         "turn `base` so that the arm's plane is one of the world's coordinate planes; where the "
         "file does not say how long the last link is, name a `flange` at its end",
         ("base",),
     )
-
-
-def tip_jacobian(model: pin.Model, joint: int, tip: pin.SE3, q: Array) -> Array:
-    """The tip's Jacobian (6, n) at `q`, resolved in the world: rows x, y, z, rx, ry, rz."""
-    data = model.createData()
-    pin.computeJointJacobians(model, data, q)
-    return resolved_jacobian(model, data, joint, tip)
-
-
-def resolved_jacobian(model: pin.Model, data: pin.Data, joint: int, tip: pin.SE3) -> Array:
-    """The tip's Jacobian (6, n), resolved in the world, after `pin.computeJointJacobians`."""
-    local = tip.toActionMatrixInverse() @ pin.getJointJacobian(model, data, joint, pin.LOCAL)
-    R = data.oMi[joint].rotation @ tip.rotation
-    J: Array = np.vstack((R @ local[:3], R @ local[3:]))
-    return J
 
 
 def _rank(J: Array) -> int:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.rotation import cross
 from taskspec.robot import RobotModel
+from taskspec.robot.poses import mirrored
 
 Vector = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ class ModelTerms(ABC):
 
     def __init__(self, robot: RobotModel, q: Vector | None = None, v: Vector | None = None) -> None:
         """Takes the arrays to read q and v from; without them it makes its own."""
-        n = robot.pin.nv
+        n = robot.n
         self.q = np.zeros(n) if q is None else q
         self.v = np.zeros(n) if v is None else v
         self.arrays = tuple(np.zeros(length) for length in lengths(n))
@@ -102,21 +103,24 @@ class PinocchioTerms(ModelTerms):
     def __init__(self, robot: RobotModel, q: Vector | None = None, v: Vector | None = None) -> None:
         super().__init__(robot, q, v)
         self._model, self._data = robot.pin, robot.pin.createData()
-        self._joint, self._tip = robot.tip_joint, robot.tip
-        self._upper = np.tril_indices(robot.pin.nv)[::-1]
+        self._joint, self._tip, self._coupling = robot.tip_joint, robot.tip, robot.coupling
+        self._upper = np.tril_indices(robot.n)[::-1]
 
     def update(self) -> None:
         """Evaluates all terms at `q` and `v`."""
-        data, joint = self._data, self._joint
-        pin.computeAllTerms(self._model, data, self.q, self.v)
+        data, joint, whole = self._data, self._joint, self._coupling
+        pin.computeAllTerms(self._model, data, whole.joints(self.q), whole.rates(self.v))
         H, bias, gravity, J, p, R, drift = self.arrays
-        H[:], bias[:], gravity[:] = data.M[self._upper], data.nle, data.g
+        M = whole.by_coordinates(whole.on_coordinates(mirrored(data.M)))
+        H[:] = M[self._upper]
+        bias[:], gravity[:] = whole.on_coordinates(data.nle), whole.on_coordinates(data.g)
         pose = data.oMi[joint]
         tip = pose * self._tip
         p[:], R[:] = tip.translation, tip.rotation.ravel(order="F")
         # Pinocchio's world Jacobian gives the velocity of the body point at the world's origin.
         at_tip = np.array(data.J)
         at_tip[:3] -= pin.skew(p) @ at_tip[3:]
+        at_tip = whole.by_coordinates(at_tip)
         J[:] = at_tip.ravel(order="F")
         # a_gf is the joint's spatial acceleration in its own axes, in a field that falls with g.
         a = data.a_gf[joint]
@@ -169,7 +173,7 @@ def _upper(n: int) -> list[int]:
 
 def symbols(robot: RobotModel, v: ca.SX) -> TermSymbols:
     """Symbols of the model terms, for joint velocities v (n,)."""
-    n = robot.pin.nv
+    n = robot.n
     inputs = tuple(
         ca.SX.sym(name, length)
         for name, length in zip(("H", "nle", "g", "J", "p", "R", "a"), lengths(n), strict=True)

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 from taskspec.deferred import mujoco
 from taskspec.robot.bounds import check_growth, check_numbers
+from taskspec.robot.constraints import words
 from taskspec.robot.description import (
     BOUND_INERTIA,
     BOUND_MASS,
@@ -18,13 +19,13 @@ from taskspec.robot.description import (
     velocity_limits,
 )
 from taskspec.robot.errors import RobotError
-from taskspec.robot.files import Roots, parse_xml, read_model
+from taskspec.robot.files import Roots, line_of, parse_xml, read_model
+from taskspec.robot.inertias import Unphysical, make_physical
 from taskspec.robot.mjcf import mjcf_spec, mjcf_text
 from taskspec.robot.packages import find_packaged
 from taskspec.robot.urdf import (
     check_urdf,
     drawable,
-    urdf_followed,
     urdf_mimics,
     urdf_spec,
     urdf_velocities,
@@ -64,7 +65,7 @@ def _read_file(path: Path, shown: str, roots: Roots) -> RobotFile:
     root = parse_xml(text, shown)
     if path.suffix.lower() == SUFFIX or any("xacro" in str(each.tag) for each in root.iter()):
         text = expanded(path, shown, roots.confines)
-        root = parse_xml(text, shown)
+        root = parse_xml(text, shown, placed=False)
     if root.tag == "robot":
         return _urdf(text, root, shown, roots, path.stem)
     if root.tag == "mujoco":
@@ -78,13 +79,14 @@ def _read_file(path: Path, shown: str, roots: Roots) -> RobotFile:
 
 def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: str) -> RobotFile:
     check_growth(root, shown)
-    repaired = check_urdf(root)
+    check_urdf(root)
     drawn = drawable(root, roots, meshes=True)
-    mimics, followed = urdf_mimics(root), urdf_followed(root)
+    mimics = urdf_mimics(root)
+    coupled = (*mimics, *(mimic.get("joint", "") for mimic in mimics.values()))
 
     def describe() -> Description:
-        notes = list(repaired)
-        m = _compile(
+        notes: list[str] = []
+        m, unphysical = _compile(
             shown,
             lambda meshes: urdf_spec(drawn if meshes else drawable(root, roots, meshes=False)),
             notes,
@@ -93,7 +95,12 @@ def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: 
         ids = {m.joint(j).name: j for j in range(m.njnt)}
         limits = urdf_velocities(root).items()
         velocity = {ids[joint]: limit for joint, limit in limits if joint in ids}
-        return Description(name, m, shown, velocity, mimics, followed, tuple(notes))
+        constraints = {
+            i: f"<mimic> of joint '{joint}'{line_of(mimics[joint], shown)}"
+            for i in range(m.neq)
+            if (joint := m.joint(m.eq_obj1id[i]).name) in mimics
+        }
+        return Description(name, m, shown, velocity, coupled, constraints, tuple(notes), unphysical)
 
     assets = [part for token, data in drawn.assets.items() for part in (token.encode(), data)]
     absent = [word.encode() for word in drawn.absent]
@@ -103,37 +110,42 @@ def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: 
 def _mjcf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: str) -> RobotFile:
     def describe() -> Description:
         notes: list[str] = []
-        m = _compile(shown, lambda meshes: mjcf_spec(text, roots, meshes=meshes), notes)
+        m, unphysical = _compile(shown, lambda meshes: mjcf_spec(text, roots, meshes=meshes), notes)
         check_numbers(m, shown)
-        return Description(name, m, shown, velocity_limits(m), notes=tuple(notes))
+        written = [each for part in root.iter("equality") for each in part]
+        constraints = (
+            {i: f"{words(m, i)}{line_of(each, shown)}" for i, each in enumerate(written)}
+            if len(written) == m.neq
+            else {}
+        )
+        return Description(
+            name, m, shown, velocity_limits(m), (), constraints, tuple(notes), unphysical
+        )
 
     # Only MuJoCo knows which files are meant.
     alone = not any("file" in key for element in root.iter() for key in element.attrib)
     return RobotFile(name, (text.encode(),) if alone else None, describe)
 
 
-def _compile(shown: str, make: MakeSpec, notes: list[str]) -> mujoco.MjModel:
-    """Compiles what `make` makes, without meshes or with repaired inertias if it takes that.
+def _compile(
+    shown: str, make: MakeSpec, notes: list[str]
+) -> tuple[mujoco.MjModel, tuple[Unphysical, ...]]:
+    """Compiles what `make` makes, without meshes if it takes that, with inertias that bodies have.
 
-    What was left out or repaired is added to `notes`.
+    What was left out is added to `notes`.
     """
-    meshes, balance = True, False
+    meshes = True
     while True:
         heard: list[str] = []
         try:
             with listening(heard):
                 spec, absent = make(meshes)
-                _settle(spec, balance)
+                _settle(spec)
+                unphysical, rounded = make_physical(spec)
                 m = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
             reason = _reason(error)
-            if "balanceinertia" in reason and not balance:
-                balance = True
-                notes.append(
-                    "inertias that no body has (A + B < C) are replaced by their mean, that of "
-                    + reason.rpartition("Element ")[2]
-                )
-            elif "mesh" in reason.lower() and meshes:
+            if "mesh" in reason.lower() and meshes:
                 meshes = False
                 notes.append(f"meshes are left out: {reason}")
             else:
@@ -144,17 +156,16 @@ def _compile(shown: str, make: MakeSpec, notes: list[str]) -> mujoco.MjModel:
                 "meshes that are not there, lie outside of the project or cannot be drawn are left "
                 f"out: {', '.join(absent)}"
             )
-        notes.extend(heard)
-        return m
+        notes.extend((*rounded, *heard))
+        return m, tuple(unphysical)
 
 
-def _settle(spec: mujoco.MjSpec, balance: bool) -> None:
+def _settle(spec: mujoco.MjSpec) -> None:
     """Sets what every file is compiled with."""
     spec.memory = spec.njmax = spec.nconmax = spec.nstack = -1
     spec.compiler.fusestatic = False
     spec.compiler.boundmass = max(spec.compiler.boundmass, BOUND_MASS)
     spec.compiler.boundinertia = max(spec.compiler.boundinertia, BOUND_INERTIA)
-    spec.compiler.balanceinertia = spec.compiler.balanceinertia or balance
     # Nothing collides here, which spares the meshes their convex hulls.
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0

@@ -22,6 +22,7 @@ CasADi folds the zeros and ones of the constants as the expressions are made; wh
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -54,7 +55,8 @@ class RigidBody:
             ValueError: it is no chain of hinges and slides.
         """
         self._chain = base_parameters(robot.pin, robot.tip_joint, robot.tip)
-        self._content = self._chain.content
+        self._coupling = robot.coupling
+        self._content = self._chain.content + robot.coupling.content
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, RigidBody) and self._content == other._content
@@ -68,6 +70,24 @@ class RigidBody:
         Returns:
             Expressions, of which `vectors` fill what `model_terms.symbols` leaves open.
         """
+        if self._coupling.couples:
+            return self._coupled(q, v)
+        return self._of_joints(q, v)
+
+    def _coupled(self, x: ca.SX, v: ca.SX) -> TermSymbols:
+        """The model terms of the coordinates that are left, of those of all joints."""
+        A, b = ca.sparsify(ca.DM(self._coupling.ratios)), ca.DM(self._coupling.offsets)
+        whole = self._of_joints(A @ x + b, A @ v)
+        return replace(
+            whole,
+            H=A.T @ whole.H @ A,
+            bias=A.T @ whole.bias,
+            gravity=A.T @ whole.gravity,
+            J=whole.J @ A,
+        )
+
+    def _of_joints(self, q: ca.SX, v: ca.SX) -> TermSymbols:
+        """The model terms of all joints, as if each moved by itself."""
         chain = self._chain
         moved = [_Moved(joint, q[i]) for i, joint in enumerate(chain.joints)]
         poses, motions = _poses(moved), _motions(moved, v)
@@ -120,7 +140,7 @@ def _function(body: RigidBody) -> ca.Function:
 
 
 def _written(body: RigidBody) -> ca.Function:
-    n = len(body._chain.joints)
+    n = body._coupling.n
     q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
     return ca.Function("terms", [q, v], list(body.terms(q, v).vectors()), {"cse": True})
 

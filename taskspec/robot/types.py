@@ -12,7 +12,9 @@ import numpy as np
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
+from taskspec.robot.coupling import Coupling
 from taskspec.robot.links import Links
+from taskspec.robot.twin import Twin
 from taskspec.shapes import BoundedSurface
 
 if TYPE_CHECKING:
@@ -161,7 +163,9 @@ class RobotModel:
     Attributes:
         name: The built-in name, or the stem of the file.
         simulated: The arm as MuJoCo has it; see `spec` and `model`.
-        pin: Pinocchio's model, rebuilt from `model`.
+        pin: Pinocchio's model of all joints, rebuilt from `model`; see `twin`.
+        coupling: Which of the joints follow others. What is said of joints elsewhere is said of
+            those that are left, the arm's n coordinates.
         joint_names: Names in the order of `q`.
         hinges: Whether each joint turns; else it slides.
         axes: World axes along and about which the tip can move independently, of `x y z rx ry rz`.
@@ -190,6 +194,7 @@ class RobotModel:
     name: str
     simulated: MujocoArm
     pin: pin.Model
+    coupling: Coupling
     joint_names: tuple[str, ...]
     hinges: tuple[bool, ...]
     axes: tuple[Axis, ...]
@@ -211,6 +216,19 @@ class RobotModel:
     remarks: tuple[FileRemark, ...] = ()
     files: Mapping[Path, str] = field(default_factory=dict)
     absent: frozenset[Path] | None = frozenset()
+
+    @property
+    def n(self) -> int:
+        """Joints that move by themselves: the arm's coordinates."""
+        return self.coupling.n
+
+    def carried_mass(self, i: int) -> float:
+        """Mass of the link that joint i, counted from 0, carries [kg]."""
+        return float(self.pin.inertias[self.coupling.free[i] + 1].mass)
+
+    def twin(self) -> Twin:
+        """Pinocchio's model in those coordinates, with memory of its own."""
+        return Twin(self.pin, self.tip_joint, self.tip, self.coupling)
 
     @property
     def spec(self) -> mujoco.MjSpec:

@@ -11,15 +11,14 @@ import numpy as np
 
 from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
-from taskspec.robot.description import BOUND_INERTIA
 from taskspec.robot.errors import RobotError
 from taskspec.robot.files import Roots, find_mesh, mesh_token, on_one_line, read_mesh
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
-def check_urdf(root: ElementTree.Element) -> list[str]:
-    """Checks a URDF file, repairs inertias that MuJoCo would not take, and says which.
+def check_urdf(root: ElementTree.Element) -> None:
+    """Checks the numbers of a URDF file.
 
     Raises:
         RobotError: TS405 when its numbers make no arm.
@@ -34,31 +33,16 @@ def check_urdf(root: ElementTree.Element) -> list[str]:
                     f"joint '{name}' has lower {lower:g} above upper {upper:g}",
                     "swap them",
                 )
-    notes = []
     for link in root.findall("link"):
         mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
         name = link.get("name", "")
         if mass is not None and not 0 <= _number(mass, "value", name) < math.inf:
             raise RobotError("TS405", f"link '{name}' has a negative or infinite mass")
-        if inertia is not None and _mend(inertia, name):
-            notes.append(
-                f"the inertia of '{name}' is not positive: its products of inertia are left out"
-            )
-    return notes
-
-
-def _mend(inertia: ElementTree.Element, name: str) -> bool:
-    """Makes a tensor one that MuJoCo takes; returns whether that changed more than a point mass."""
-    xx, yy, zz, xy, xz, yz = (_number(inertia, key, name) for key in _MOMENTS)
-    if not np.isfinite([xx, yy, zz, xy, xz, yz]).all():
-        raise RobotError("TS405", f"link '{name}' has an inertia that is not finite")
-    if np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] > 0:
-        return False
-    for key, moment in zip(_MOMENTS[:3], (xx, yy, zz), strict=True):
-        inertia.set(key, repr(max(moment, BOUND_INERTIA)))
-    for key in _MOMENTS[3:]:
-        inertia.set(key, "0")
-    return any((xx, yy, zz, xy, xz, yz))
+        if (
+            inertia is not None
+            and not np.isfinite([_number(inertia, key, name) for key in _MOMENTS]).all()
+        ):
+            raise RobotError("TS405", f"link '{name}' has an inertia that is not finite")
 
 
 def urdf_velocities(root: ElementTree.Element) -> dict[str, float]:
@@ -72,17 +56,10 @@ def urdf_velocities(root: ElementTree.Element) -> dict[str, float]:
     return limits
 
 
-def urdf_mimics(root: ElementTree.Element) -> tuple[str, ...]:
-    """Names of the joints that follow another joint."""
-    return tuple(
-        joint.get("name", "") for joint in root.findall("joint") if joint.find("mimic") is not None
-    )
-
-
-def urdf_followed(root: ElementTree.Element) -> tuple[str, ...]:
-    """Names of the joints that another joint follows."""
-    mimics = (joint.find("mimic") for joint in root.findall("joint"))
-    return tuple(mimic.get("joint", "") for mimic in mimics if mimic is not None)
+def urdf_mimics(root: ElementTree.Element) -> dict[str, ElementTree.Element]:
+    """The `<mimic>` elements by the names of the joints that follow."""
+    mimics = ((joint.get("name", ""), joint.find("mimic")) for joint in root.findall("joint"))
+    return {name: mimic for name, mimic in mimics if mimic is not None}
 
 
 @dataclass(frozen=True, slots=True)

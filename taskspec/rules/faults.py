@@ -13,7 +13,7 @@ from taskspec.text.units import describe
 @rule({}, also=("TS414", "TS713"), phase=Phase.TASK, bars=True)
 def faults_of_joints(task: TaskPlan) -> Iterator[Finding]:
     """Faults of joints that the robot does not have, or in units that they do not have."""
-    robot, n = task.context.robot, task.context.robot.pin.nv
+    robot, n = task.context.robot, task.context.robot.n
     for i, fault in enumerate(task.context.loaded.task.truth.faults):
         place = FILE.truth.faults[i]
         for number in fault.joint:

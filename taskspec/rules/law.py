@@ -68,7 +68,7 @@ def idle_goals(stage: StagePlan) -> Iterator[Finding]:
     robot, law = stage.context.robot, stage.law
     if "null_space" not in law.model_fields_set:
         return
-    n, place = robot.pin.nv, _law_of(stage).null_space
+    n, place = robot.n, _law_of(stage).null_space
     if n == len(stage.axes):
         yield warning(
             "TS233",

@@ -15,7 +15,7 @@ def protected_joints(task: TaskPlan) -> Iterator[Finding]:
     protection, robot = task.context.loaded.task.robot.protection, task.context.robot
     if protection is None or protection.joints is None:
         return
-    n = robot.pin.nv
+    n = robot.n
     for key, values in protection.joints.given:
         assert isinstance(values, tuple)
         if len(values) not in (1, n):

@@ -32,6 +32,8 @@ _LIMITS = {
     "torque": "effort in URDF's <limit>, actuatorfrcrange of MJCF's <joint>",
     "speed": "velocity in URDF's <limit>, velocity_limit in MJCF's <custom>",
 }
+#: Remarks about a robot's file that say more than how it is read.
+_WARNED = frozenset({"TS441", "TS447", "TS448"})
 #: A link that weighs less has no mass in its file [kg].
 _MASSLESS = 1e-6
 
@@ -60,7 +62,7 @@ def joint_values(task: TaskPlan) -> Iterator[Finding]:
         for name, stage in task.stages.items()
         if (damping := stage.law.joint_damping) is not None
     ]
-    n = robot.pin.nv
+    n = robot.n
     for place, values in lists:
         if len(values) not in (1, n):
             yield error(
@@ -146,7 +148,7 @@ def arm_at_start(task: TaskPlan) -> Iterator[Finding]:
                 key_of(place),
                 "start with that joint turned back: another rpy, or other joints",
             )
-        if robot.pin.inertias[i + 1].mass < _MASSLESS:
+        if robot.carried_mass(i) < _MASSLESS:
             yield warning(
                 "TS419",
                 f"joint {i + 1} ({name}) carries a link without mass: what it weighs, and what its "
@@ -161,6 +163,9 @@ def arm_at_start(task: TaskPlan) -> Iterator[Finding]:
         "TS440": "joints of a gripper at the end of the arm",
         "TS441": "a flange whose z does not point out of the arm",
         "TS442": "a joint without a limit of torque or speed",
+        "TS446": "joints that follow others",
+        "TS447": "a part of the robot's file that is left out",
+        "TS448": "an inertia that no body has",
     },
     phase=Phase.TASK,
 )
@@ -169,7 +174,7 @@ def robot_file(task: TaskPlan) -> Iterator[Finding]:
     robot = task.context.robot
     for remark in robot.remarks:
         place = below(FILE.robot, *remark.field)
-        say = warning if remark.code == "TS441" or remark.field == ("flange",) else info
+        say = warning if remark.code in _WARNED or remark.field == ("flange",) else info
         yield say(remark.code, remark.message, place, remark.hint)
     lacking = {
         "torque": np.isinf(robot.torque_limit),

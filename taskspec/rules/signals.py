@@ -88,8 +88,8 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
         return _no_gap(stage)
     if path[0] == "path_done" and stage.spec.path is None:
         return f"stage {stage.name!r} has no path"
-    if path[0] == "joint" and int(path[1]) > robot.pin.nv:
-        return f"{robot.name!r} has {robot.pin.nv} joints"
+    if path[0] == "joint" and int(path[1]) > robot.n:
+        return f"{robot.name!r} has {robot.n} joints"
     if path[0] not in VECTORS or len(path) != 2 or inside_norm:
         return None
     axis = as_axis(path[1])

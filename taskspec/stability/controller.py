@@ -67,7 +67,7 @@ class Operating:
     ) -> None:
         self.context, self.stage = context, stage
         self._tangent = _tangent(stage.closed_form) if tangent is None else tangent
-        n = context.robot.pin.nv
+        n = context.robot.n
         self._terms = PinocchioTerms(context.robot)
         self._now = np.zeros(2 + len(context.loaded.task.stages))
         self._now[2 + list(context.loaded.task.stages).index(stage.name)] = 1.0
@@ -192,7 +192,7 @@ class Operating:
 
     def linear(self) -> LinearController:
         """The derivative of torque and memory, one direction after the other."""
-        n, count = self.context.robot.pin.nv, self._measured
+        n, count = self.context.robot.n, self._measured
         directions = self._directions()
         along, found = np.zeros(len(directions)), np.zeros(n + self.stage.memory.size)
         given = [*self._arguments, self.memory, self.parameters, along]
@@ -217,7 +217,7 @@ class Operating:
 
         With q moves the pose of the tip.
         """
-        n, J, R = self.context.robot.pin.nv, self.context.start_jacobian, self.context.start_R
+        n, J, R = self.context.robot.n, self.context.start_jacobian, self.context.start_R
         count = self._measured + self.stage.memory.size
         turned = [(pin.skew(spin) @ R).ravel(order="F") for spin in J[3:].T]
         moved = np.eye(2 * n, count)

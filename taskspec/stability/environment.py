@@ -51,7 +51,7 @@ def linear_plant(
         turns: (3, k) unit axes, across each other, about which the tool gives way, world axes: it
             comes to lie flat.
     """
-    n = context.robot.pin.nv
+    n = context.robot.n
     held = task.mechanisms.get(context.held)
     c = n if held is None else n + 1
     H = np.zeros((c, c))
@@ -87,7 +87,7 @@ def linear_plant(
 
 def _contact(context: Context, task: Task, name: str, force: float, c: int, turns: Matrix) -> Rows:
     """A shape under the tool's surface as it lies, or under every sphere with its share."""
-    robot, n, shape = context.robot, context.robot.pin.nv, task.shapes[name]
+    robot, n, shape = context.robot, context.robot.n, task.shapes[name]
     declared = compliance(shape, robot, context.start, 1.0 / task.control.plant_rate)
     mobility = contact_mobility(robot, shape)
     touched = Touched(context, task, name)
@@ -136,7 +136,7 @@ def _contact(context: Context, task: Task, name: str, force: float, c: int, turn
 
 
 def _equation(context: Context, task: Task, name: str, force: float, c: int) -> Rows:
-    model, n = context.equations[name], context.robot.pin.nv
+    model, n = context.equations[name], context.robot.n
     period = 1.0 / task.control.plant_rate
     declared = equation_compliance(
         model, context.robot, context.start, task.equations[name], period
@@ -170,7 +170,7 @@ def _equation(context: Context, task: Task, name: str, force: float, c: int) -> 
 
 def _grip(context: Context, task: Task, held: Mechanism) -> Rows:
     """The coupling of the tool and a handle; a free knob turns in it."""
-    n, model = context.robot.pin.nv, context.mechanisms[context.held]
+    n, model = context.robot.n, context.mechanisms[context.held]
     axis = model.rotation[:, 2]
     moves = model.lead * axis if model.angular else axis
     if model.angular:

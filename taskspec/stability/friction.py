@@ -100,7 +100,7 @@ def _across(
     Third is how much a rate along each counts against a slip: 1, or of turning about the normal
     the lever with which the patch of a flat tool resists it [m].
     """
-    robot, n, J = context.robot, context.robot.pin.nv, context.start_jacobian
+    robot, n, J = context.robot, context.robot.n, context.start_jacobian
     G, W, levers = [], [], []
     points = zip(robot.tool.centers, robot.tool.radii, strict=True)
     if touched.whole:

@@ -29,7 +29,6 @@ from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Place
 from taskspec.robot.inverse_kinematics import turns_at
-from taskspec.robot.mobility import tip_jacobian
 from taskspec.spec import FILE, Limits, key_of
 from taskspec.statics.rows import RowCause, RowSystem, kept, limit_place, shares_of
 from taskspec.text.units import FORCE, show
@@ -193,8 +192,8 @@ def _add_torques(
     context: Context, q: Vector, whole: Vector, share: float, system: RowSystem
 ) -> None:
     robot = context.robot
-    gravity = pin.computeGeneralizedGravity(robot.pin, robot.pin.createData(), q)
-    J = tip_jacobian(robot.pin, robot.tip_joint, robot.tip, q)
+    gravity = robot.twin().gravity(q)
+    J = robot.twin().resolved_jacobian(q)
     for i, most in enumerate(robot.torque_limit):
         if not np.isfinite(most):
             continue
@@ -232,9 +231,7 @@ def _touching(
     robot = context.robot
     if robot.tool.flat or place.q is None or normals is None:
         return {}
-    data = robot.pin.createData()
-    pin.forwardKinematics(robot.pin, data, place.q)
-    R = (data.oMi[robot.tip_joint] * robot.tip).rotation
+    R = robot.twin().tip(place.q).rotation
     center, radius = R @ robot.tool.centers[0], robot.tool.radii[0]
     return {name: center - radius * normal for name, normal in normals.items()}
 

@@ -11,7 +11,6 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Place
 from taskspec.robot.inverse_kinematics import turns_at
-from taskspec.robot.mobility import tip_jacobian
 from taskspec.spec import FILE
 from taskspec.statics.rows import RowCause, RowSystem, kept, limit_place, shares_of
 from taskspec.text import units
@@ -31,7 +30,7 @@ def motion(stage: StagePlan, place: Place) -> tuple[RowSystem, Vector]:
     """
     assert place.q is not None
     robot, shares = stage.context.robot, shares_of(stage)
-    J = tip_jacobian(robot.pin, robot.tip_joint, robot.tip, place.q)
+    J = robot.twin().resolved_jacobian(place.q)
     inside = np.kron(np.eye(2), place.rotation.T) @ J
     system = RowSystem(len(place.q))
     for axis, rate in place.rates.items():

@@ -11,6 +11,7 @@ import pytest
 from test_robot_agreement import CASES
 
 from taskspec.program.execution.compiled_terms import CompiledTerms
+from taskspec.robot.coupling import Coupling
 from taskspec.robot.model_terms import symbols
 from taskspec.robot.rigid_body import RigidBody
 from term_differences import TOLERANCE, differences
@@ -55,13 +56,29 @@ def chain(rng):
             model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Random())
     model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
     model.armature = rng.uniform(0, 0.2, n)
-    return Arm(pin=model, tip_joint=joint, tip=pin.SE3(_turn(rng), _shift(rng)))
+    tip = pin.SE3(_turn(rng), _shift(rng))
+    return Arm(pin=model, tip_joint=joint, tip=tip, coupling=_coupling(rng, n))
 
 
 class Arm(SimpleNamespace):
     """The part of a robot that its equations follow from; as a robot, the same only as itself."""
 
     __hash__ = object.__hash__
+
+    @property
+    def n(self):
+        return self.coupling.n
+
+
+def _coupling(rng, k):
+    """None, or one of some joints that follow one or two of the others, or stand still."""
+    follow = sorted(rng.permutation(k)[: rng.integers(k - 1)].tolist())
+    free = [j for j in range(k) if j not in follow]
+    A, b = np.eye(k)[:, free], np.zeros(k)
+    for j in follow:
+        moved = rng.permutation(len(free))[: rng.integers(3)]
+        A[j, moved], b[j] = rng.choice([-1.0, 1.0, 0.5, -2.3], len(moved)), rng.normal()
+    return Coupling(tuple(f"j{i}" for i in range(k)), (True,) * k, tuple(free), A, b)
 
 
 def _gravity(rng):

@@ -16,6 +16,10 @@ from taskspec.robot import RobotError, RobotModel
 Load = Callable[..., RobotModel]
 
 
+def remarked(robot: RobotModel) -> dict[str, str]:
+    return {remark.code: remark.message for remark in robot.remarks}
+
+
 def noted(robot: RobotModel, text: str) -> bool:
     return any(text in note for note in robot.notes)
 
@@ -146,9 +150,11 @@ def test_usual_flange_names_need_not_be_said(load: Load, folder: Path, name: str
     assert load("own.urdf", folder).flange == name
 
 
-def test_a_joint_that_mimics_cannot_be_in_the_arm(load: Load) -> None:
-    with pytest.raises(RobotError, match="'right' mimics another joint"):
-        load("own.urdf", flange="right_finger")
+def test_a_joint_that_mimics_follows_in_the_arm(load: Load) -> None:
+    """`left` is no joint that moves this flange: a coordinate is what moves `right_finger`."""
+    robot = load("own.urdf", flange="right_finger")
+    assert robot.joint_names[-1] == "right"
+    assert "'left' follows right" in remarked(robot)["TS447"]
 
 
 @pytest.mark.parametrize(
@@ -186,13 +192,17 @@ def test_inertias_that_no_body_has_are_mended_and_noted(load: Load, folder: Path
         text.replace('iyy="0.06" iyz="0" izz="0.06"', 'iyy="0.06" iyz="0.5" izz="0.06"')
     )
     robot = load("own.urdf", folder, flange="palm")
-    assert noted(robot, "inertia of 'upper' is not positive")
+    assert (
+        "0.56, 0.01, -0.44 kg*m^2, and no body has a negative one: 0.19" in remarked(robot)["TS448"]
+    )
     path.write_text(
         text.replace(
             'ixx="0.01" ixy="0" ixz="0" iyy="0.06"', 'ixx="0.3" ixy="0" ixz="0" iyy="0.06"'
         )
     )
-    assert noted(load("own.urdf", folder, flange="palm"), "replaced by their mean")
+    robot = load("own.urdf", folder, flange="palm")
+    assert "link 'upper'" in remarked(robot)["TS448"]
+    assert "0.3, 0.06, 0.06 kg*m^2" in remarked(robot)["TS448"]
 
 
 def test_a_joint_that_moves_no_mass(load: Load, folder: Path) -> None:

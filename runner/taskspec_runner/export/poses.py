@@ -64,7 +64,7 @@ class PoseStream:
         self._program, self._bases = program, context.moving_bases
         self._measuring = {f.estimate for f in context.frames.values() if f.estimate}
         self._window = estimated_frames.window(context.period)
-        joints = [f"joint.{i + 1}.position" for i in range(context.robot.pin.nv)]
+        joints = [f"joint.{i + 1}.position" for i in range(context.robot.n)]
         self._names = ("clock", "t", *joints)
         self._kept: History | None = None
 

@@ -72,7 +72,7 @@ class RobotPlant:
         self.lost = self.in_a_row = self.late = self.repeated = self.reordered = self.early = 0
         self.policy = LostPolicy()
         self._robot, self._machine, self._bus = robot, machine, bus
-        self._period, self._n = program.context.period, program.context.robot.pin.nv
+        self._period, self._n = program.context.period, program.context.robot.n
         self._place = "robot"
         self._started = False
         #: Stamp of tick 0, and number of the tick of the robot's clock that comes next.
@@ -246,7 +246,7 @@ class OnRobot:
     def assemble(self, program: Program, world: World) -> Assembly[RobotPlant]:
         """Assembles the parts of the run; there is no plant."""
         context = program.context
-        bus = Bus(context.robot.pin.nv, world.task, linked=not self.lock_step)
+        bus = Bus(context.robot.n, world.task, linked=not self.lock_step)
         measured = (np.zeros(6), np.zeros(len(context.equations)))
         views = (bus.view("q"), bus.view("v"), *measured, bus.view("torque"), bus.outputs)
         machine = program.machine(views, own=dual_solver)

@@ -49,7 +49,7 @@ class SimulatedRobot:
         self.facts = RobotFacts.of(program, lock_step=True)
         self.limits = RobotLimits.of(context.robot)
         self._plant = Plant(context.robot, world.task, truly_holding(context, world.task))
-        n, zero = context.robot.pin.nv, sensor_zero(task, task.robot.sensor, context.robot)
+        n, zero = context.robot.n, sensor_zero(task, task.robot.sensor, context.robot)
         wrench, reactions = np.zeros(6), np.zeros(len(context.equations))
         inputs = _Inputs(np.zeros(n), np.zeros(n), wrench, reactions, zero, context.period)
         self._inputs = inputs

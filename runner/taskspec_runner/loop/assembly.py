@@ -74,7 +74,7 @@ def assemble(
     """
     context = program.context
     world = true_world(context) if world is None else world
-    bus = Bus(context.robot.pin.nv, world.task, linked=linked)
+    bus = Bus(context.robot.n, world.task, linked=linked)
     try:
         start = truly_holding(context, world.task)
     except RobotError as error:

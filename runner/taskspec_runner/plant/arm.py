@@ -43,7 +43,7 @@ class SceneArm:
 
     def places(self, model: mujoco.MjModel) -> ArmPlaces:
         """Indices of the arm's numbers in a compiled scene."""
-        joints = [model.joint(name).id for name in self.robot.joint_names]
+        joints = [model.joint(name).id for name in self.robot.coupling.names]
         motors = [model.actuator(name).id for name in self.robot.joint_names]
         return ArmPlaces(
             positions=_run(model.jnt_qposadr[joints]),
@@ -58,9 +58,9 @@ class ArmPlaces:
     """Indices of an arm's numbers in a compiled scene.
 
     Attributes:
-        positions: (n,) of its joints, in `qpos`.
-        velocities: (n,) of its joints, in `qvel` and all that is by degree of freedom.
-        motors: (n,) in `ctrl`.
+        positions: (k,) of its joints, those that follow others among them, in `qpos`.
+        velocities: (k,) of these, in `qvel` and all that is by degree of freedom.
+        motors: (n,) in `ctrl`, of the joints that move by themselves.
         tip: the body of its tip.
     """
 

@@ -6,6 +6,8 @@ too. A pose left over from the step before would cost k T of damping.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import mujoco
 import numpy as np
@@ -27,7 +29,7 @@ class Equations:
 
     Attributes:
         on_tip: (3,) what the Cartesian ones exert on the tool tip, world axes [N].
-        on_joints: (n,) what those on joints exert [N m, N]; `joints` is where that acts.
+        on_joints: (k,) what those on joints exert [N m, N]; `joints` is where that acts.
         applied: (equations,) what the robot applies along each unit gradient [N, N m].
         function: tip, its velocity, q, q', clock, compliances -> these three.
         clock: (1,) of the simulator [s].
@@ -48,13 +50,11 @@ class Equations:
         self.body, self.tip = places.tip, data.xpos[places.tip]
         self.applied, self.on_tip = applied, np.zeros(3)
         self.clock, self.twist = np.zeros(1), np.zeros(6)
-        self.on_joints, self.joints = (
-            np.zeros(arm.robot.pin.nv),
-            data.qfrc_applied[places.velocities],
-        )
+        self.joints = data.qfrc_applied[places.velocities]
+        self.on_joints = np.zeros(len(self.joints))
         q, v = data.qpos[places.positions], data.qvel[places.velocities]
         self.function = BoundFunction(
-            reaction_function(task, len(q)),
+            reaction_function(task, len(q), arm.robot.coupling.free),
             [self.tip, self.twist[3:], q, v, self.clock, *_compliances(arm.robot, task, arm.start)],
             [self.on_tip, self.on_joints, self.applied],
         )
@@ -75,30 +75,31 @@ class Equations:
         self.joints += self.on_joints
 
 
-def reaction_function(task: Task, joints: int) -> ca.Function:
+def reaction_function(task: Task, joints: int, free: Sequence[int]) -> ca.Function:
     """Forces of all equations, which is the same function in worlds of other compliances.
 
     Args:
         task: with the equations.
         joints: of the arm.
+        free: those of them that move by themselves, which are the ones that equations are about.
 
     Returns:
-        Tip position and velocity (3,), q, q' (n,), clock, stiffness and damping (equations,) -> the
-        force on the tip (3,) [N] in the world, the torques on the joints (n,), and the (equations,)
-        that the robot applies along each unit gradient [N, N m].
+        Tip position and velocity (3,), q, q' (k,) of all joints, clock, stiffness and damping
+        (equations,) -> the force on the tip (3,) [N] in the world, the torques on the joints (k,),
+        and the (equations,) that the robot applies along each unit gradient [N, N m].
     """
-    n, count = joints, len(task.equations)
+    n, count, moved = joints, len(task.equations), list(free)
     p, dp, clock = ca.SX.sym("p", 3), ca.SX.sym("dp", 3), ca.SX.sym("clock")
     q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
     stiffness, damping = ca.SX.sym("stiffness", count), ca.SX.sym("damping", count)
     on_tip, on_joints, applied = ca.SX.zeros(3), ca.SX.zeros(n), []
     for i, model in enumerate(equation_models(task).values()):
-        place, rate = (q, v) if model.joints else (p, dp)
+        place, rate = (q[moved], v[moved]) if model.joints else (p, dp)
         terms = model.terms(place, rate, clock)
         force = reaction(model, terms, rate, stiffness[i], damping[i])
         applied.append(force)
         if model.joints:
-            on_joints -= force * terms.normal.T
+            on_joints[moved] -= force * terms.normal.T
         else:
             on_tip -= force * terms.normal.T
     outputs = [on_tip, on_joints, ca.vertcat(*applied)]

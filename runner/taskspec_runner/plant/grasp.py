@@ -38,7 +38,7 @@ def add_grip(spec: mujoco.MjSpec, arm: SceneArm, task: Task) -> None:
     lies.
     """
     held, robot = task.world[arm.held], arm.robot
-    R, p = _pose(robot.model, robot.tip_body, arm.start)
+    R, p = _pose(robot.model, robot.tip_body, robot.coupling.joints(arm.start))
     spec.body(robot.tip_body).add_site(name=arm.element(_TIP), group=5)
     body, at = PREFIX + arm.held, None
     if isinstance(held, Mechanism):

@@ -34,17 +34,18 @@ class PlantArm:
     """An arm of a plant: its state, what drives it, and the forces on its tool.
 
     Attributes:
-        q: (n,) view of the true joint positions.
-        v: (n,) view of the true joint velocities.
+        q, v: (n,) the true positions and velocities of the joints that move by themselves [rad or
+            m, and by s]. Where none follows another, they are views of `joints` and `rates`.
+        joints, rates: (k,) views of the true positions and velocities of all joints.
         torque: (n,) view of what the motors are commanded to exert [N m, N].
-        velocities: where the joints are among the plant's degrees of freedom.
+        velocities: where all joints are among the plant's degrees of freedom.
         wrench: (6,) of the last step, by the environment on the tool tip, world axes [N, N m].
         object_forces: (shapes,) magnitude of the contact force with each shape [N].
         wrist: (6,) the wrench as a sensor between flange and tool measures it, with the tool's
             weight and inertia; None unless the sensor is at the wrist.
         grip: what it holds something with; None where it holds nothing.
         equations: the constraints on it; None where there are none.
-        forces: writes the wrenches and forces.
+        forces: writes the wrenches and forces, and what of the state has no view.
         sensor: the true one.
         tip_rotation: (9,) the tip's axes in the last step, row by row.
         rests: whether it rests on brakes before the first step, as its sensor carries the tool.
@@ -55,7 +56,8 @@ class PlantArm:
         """The arm of a scene; `views` take the forces on its tool."""
         arm, model = scene.arm, scene.model
         places = arm.places(model)
-        self.q, self.v = data.qpos[places.positions], data.qvel[places.velocities]
+        self.joints, self.rates = data.qpos[places.positions], data.qvel[places.velocities]
+        self.q, self.v = self.joints, self.rates
         self.torque, self.velocities = data.ctrl[places.motors], places.velocities
         self.wrench, self.object_forces = views.wrench, views.objects
         self.sensor = arm.declared.sensor
@@ -69,6 +71,12 @@ class PlantArm:
         self.grip = Grip(model, data, arm, task, wiring) if arm.held else None
         self.wrist = np.zeros(6) if self.sensor.at == "wrist" else None
         self.rests = self.grip is not None or self.wrist is not None
+        if arm.robot.coupling.couples:
+            self.q, self.v = np.zeros(arm.robot.n), np.zeros(arm.robot.n)
+            free = list(arm.robot.coupling.free)
+            wiring.writes(wiring.reads("joints", self.joints)[free], self.q)
+            wiring.writes(wiring.reads("rates", self.rates)[free], self.v)
+        self._coupling = arm.robot.coupling
         tip = wiring.reads("tip", data.xpos[places.tip])
         sensed = wiring.reads("contacts", data.sensordata)
         on_tip, objects = _contacts(scene, sensed, tip)
@@ -97,6 +105,12 @@ class PlantArm:
         #: All that acts on the tool, of what MuJoCo has left of a step.
         self.forces = wiring.bound("forces")
 
+    def put(self, q: Vector, v: Vector | None = None) -> None:
+        """Puts the joints at positions q (n,), and velocities v (n,); None leaves these."""
+        self.joints[:] = self._coupling.joints(q)
+        if v is not None:
+            self.rates[:] = self._coupling.rates(v)
+
     def read_forces(self) -> None:
         """Reads the forces of the last step."""
         if self.grip is not None:
@@ -107,7 +121,7 @@ class PlantArm:
     def kinetic_energy(self) -> float:
         """Kinetic energy of the arm [J]."""
         velocity, momentum = np.zeros(self._model.nv), np.zeros(self._model.nv)
-        velocity[self.velocities] = self.v
+        velocity[self.velocities] = self.rates
         mujoco.mj_mulM(self._model, self._data, momentum, velocity)
         return 0.5 * float(velocity @ momentum)
 
@@ -139,7 +153,7 @@ class Plant:
         data = self.data = mujoco.MjData(model)
         self.views = views = PlantViews.new(task) if views is None else views
         arm = self.arm = PlantArm(self.scene, data, task, views)
-        arm.q[:] = start
+        arm.put(start)
         self.substeps = round(task.control.plant_rate / task.control.rate)
         self.last_time = data.time
         self.mechanisms = Mechanisms(model, data, task.mechanisms) if task.mechanisms else None

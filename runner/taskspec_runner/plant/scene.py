@@ -11,6 +11,7 @@ from taskspec.spec import Shape, Task
 from taskspec_runner.plant import grasp
 from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.contact import add_loose_pairs, add_tool_pairs
+from taskspec_runner.plant.coupled import add_coupling
 from taskspec_runner.plant.looks import draw_mechanism, dress
 from taskspec_runner.plant.mechanisms import add_mechanism, add_thread
 from taskspec_runner.plant.moving_base import moving
@@ -109,7 +110,7 @@ def _set_options(option: mujoco.MjOption, period: float, ratio: float) -> None:
 
 
 def _add_mechanisms(spec: mujoco.MjSpec, arm: SceneArm, task: Task) -> None:
-    """Mechanisms, the coupling of the tool to what it holds, and the threads of screws."""
+    """Mechanisms, and all that ties joints: the grip, the threads of screws, what joints follow."""
     period = 1.0 / task.control.plant_rate
     ridden = {shape.on for shape in task.shapes.values()}
     for name, declared in task.mechanisms.items():
@@ -121,6 +122,7 @@ def _add_mechanisms(spec: mujoco.MjSpec, arm: SceneArm, task: Task) -> None:
     for name, declared in task.mechanisms.items():
         if declared.mechanism == "screw":
             add_thread(spec, name, declared.lead, period)
+    add_coupling(spec, arm, period)
 
 
 #: Data fields of a contact sensor: bits of force, torque and point.

@@ -111,7 +111,7 @@ class LogLayout:
             measured: whether it ran on a robot.
         """
         context = program.context
-        slices = Bus(context.robot.pin.nv, task, linked=linked).slices
+        slices = Bus(context.robot.n, task, linked=linked).slices
         return cls(slices, context.robot, program.stages, task, measured=measured)
 
     @property
@@ -216,7 +216,7 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
     if any(stage.resolution is not None for stage in stages):
         yield Column("limits", "", "limits")
         yield Column("residual", "", "residual")
-    yield from _of_joints(robot.pin.nv, task)
+    yield from _of_joints(robot.n, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
             yield Column(f"{owner}.{name}", si_unit(signal.dimensions[declared.kind]), "")

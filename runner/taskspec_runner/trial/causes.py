@@ -393,7 +393,7 @@ def saturated(moment: Moment) -> Cause | None:
         return None
     joints = [
         i + 1
-        for i in range(robot.pin.nv)
+        for i in range(robot.n)
         if np.mean(
             np.abs(moment.stretch(f"joint.{i + 1}.torque")[-_SATURATED_TICKS:])
             >= SATURATED * robot.torque_limit[i]

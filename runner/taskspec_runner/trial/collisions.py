@@ -58,7 +58,8 @@ class Surroundings:
         links = self._context.robot.links
         if not self.names or not len(links.radii):
             return
-        points = np.stack([links.at(self._context.robot.pin, q)[0] for q in configurations])
+        twin = self._context.robot.twin()
+        points = np.stack([links.at(twin, q) for q in configurations])
         found = self._distances(points.reshape(-1, 3))[0]
         gaps = found.reshape(*points.shape[:2], -1) - links.radii[:, np.newaxis]
         gaps = np.where(self._beside[links.link], np.inf, gaps)
@@ -76,7 +77,7 @@ class Surroundings:
         """(links, objects) what is in an endless object as the run starts."""
         robot = self._context.robot
         links = robot.links
-        points = links.at(robot.pin, self._context.start)[0]
+        points = links.at(robot.twin(), self._context.start)
         inside = self._distances(points)[0] < links.radii[:, np.newaxis]
         found: NDArray[np.bool_] = np.zeros((len(links.names), len(self.names)), dtype=bool)
         np.logical_or.at(found, links.link, inside)
@@ -93,7 +94,7 @@ class Surroundings:
 def collisions(trial: Trial) -> Iterator[Finding]:
     """Where a link is first in each object."""
     context = trial.program.context
-    columns = [f"joint.{i + 1}.position" for i in range(context.robot.pin.nv)]
+    columns = [f"joint.{i + 1}.position" for i in range(context.robot.n)]
     if not len(trial.history):
         return
     q = np.stack([trial.history.columns[name] for name in columns], axis=1)

@@ -62,7 +62,7 @@ def impact_at(moment: Moment, row: int, contact: str) -> Impact | None:
     if last <= first or not all(map(math.isfinite, gaps)):
         return None
     speed = (gaps[0] - gaps[1]) / ((last - first) * context.period)
-    joints = range(1, context.robot.pin.nv + 1)
+    joints = range(1, context.robot.n + 1)
     q = np.array([moment.value(f"joint.{i}.position", row) for i in joints])
     normal = moment.stage.contacts.normal(contact)
     mass = _striking_mass(moment.stage, normal, mass_along(context.robot, q, normal))

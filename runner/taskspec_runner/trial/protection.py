@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES
 from taskspec.robot.inverse_kinematics import turns_at
-from taskspec.robot.mobility import tip_jacobian
 from taskspec.rules.finding import Finding, warning
 from taskspec.rules.places import motion_of
 from taskspec.spec import FILE
@@ -86,9 +85,9 @@ class _References:
             return None
         for key in self._tip:
             given = getattr(joints, key)
-            if given is None or len(given) not in (1, robot.pin.nv):
+            if given is None or len(given) not in (1, robot.n):
                 continue
-            bounds = np.broadcast_to(np.asarray(given), (robot.pin.nv,))
+            bounds = np.broadcast_to(np.asarray(given), (robot.n,))
             rows, values = self._of_joints(key)
             if not len(rows):
                 continue
@@ -109,7 +108,7 @@ class _References:
         joints themselves. Of other frames nothing is worked out.
         """
         stage, robot = self._first.stage, self._trial.program.context.robot
-        n = robot.pin.nv
+        n = robot.n
         if stage.joint_path is not None:
             period = self._trial.program.context.period
             rates = np.stack([self._column(f"joint.{i + 1}.velocity") for i in range(n)], axis=1)
@@ -128,7 +127,7 @@ class _References:
                 self._trial.history.columns[f"joint.{i + 1}.position"][self._visit.first + row]
                 for i in range(n)
             ]
-            J = tip_jacobian(robot.pin, robot.tip_joint, robot.tip, np.array(q))
+            J = robot.twin().resolved_jacobian(np.array(q))
             turned_rates.append(np.linalg.pinv(J[used]) @ (turned @ values[row])[used])
         return rows, np.array(turned_rates)
 
@@ -168,8 +167,8 @@ def fast_torques(trial: Trial) -> Iterator[Finding]:
     rates = None if protection is None else protection.joints
     if protection is None or rates is None or rates.torque_rate is None or len(trial.history) < 2:
         return
-    bounds = np.broadcast_to(np.asarray(rates.torque_rate), (robot.pin.nv,))
-    names = [f"joint.{i + 1}.torque" for i in range(robot.pin.nv)]
+    bounds = np.broadcast_to(np.asarray(rates.torque_rate), (robot.n,))
+    names = [f"joint.{i + 1}.torque" for i in range(robot.n)]
     torques = np.stack([trial.history.columns[name] for name in names], axis=1)
     sizes = np.abs(np.diff(torques, axis=0)) / context.period
     row, joint = np.unravel_index(int(np.nanargmax(sizes / bounds)), sizes.shape)

@@ -216,7 +216,7 @@ def _of_joint(moment: Moment, name: str, text: str) -> Cause | None:
     if found is not None:
         return found
     robot = moment.stage.context.robot
-    joint = next((i for i in range(robot.pin.nv) if f"of joint {i + 1} " in f"{text} "), None)
+    joint = next((i for i in range(robot.n) if f"of joint {i + 1} " in f"{text} "), None)
     if joint is None:
         return None
     if name == "joint_position":

@@ -69,7 +69,7 @@ def protected(program: Program, history: History, period: float) -> dict[str, An
     joints, robot = protection.joints, program.context.robot
     for key in ("speed", "torque_rate"):
         values = None if joints is None else getattr(joints, key)
-        for i, bound in enumerate(np.broadcast_to(values or (), (robot.pin.nv,)) if values else ()):
+        for i, bound in enumerate(np.broadcast_to(values or (), (robot.n,)) if values else ()):
             turns = turns_at(robot, i)
             name = f"joint.{i + 1}.{'velocity' if key == 'speed' else 'torque'}"
             if name not in columns:

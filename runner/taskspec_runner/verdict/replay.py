@@ -301,15 +301,13 @@ class Replay:
     @cached_property
     def _tip(self) -> Vector:
         """(n, 12) place of the tip and its axes, by columns."""
-        model, tip, columns = self._robot.pin, self._robot.tip, self._history.columns
-        data = model.createData()
+        twin, columns = self._robot.twin(), self._history.columns
 
         def part(rows: slice) -> Vector:
-            q = np.column_stack([columns[f"joint.{i + 1}.position"][rows] for i in range(model.nv)])
+            q = np.column_stack([columns[f"joint.{i + 1}.position"][rows] for i in range(twin.n)])
             result = np.empty((len(q), 12))
             for row, joints in enumerate(q):
-                pin.forwardKinematics(model, data, joints)
-                pose = data.oMi[self._robot.tip_joint] * tip
+                pose = twin.tip(joints)
                 result[row, :3] = pose.translation
                 result[row, 3:] = pose.rotation.ravel(order="F")
             return result

@@ -119,9 +119,7 @@ def _recording(program: Program, true: Task, history: History) -> Recording:
         true=true,
         history=history,
         visits=visits,
-        q=np.column_stack(
-            [columns[f"joint.{i + 1}.position"] for i in range(context.robot.pin.nv)]
-        ),
+        q=np.column_stack([columns[f"joint.{i + 1}.position"] for i in range(context.robot.n)]),
         tip=tip,
         point=point,
         axes=axes,

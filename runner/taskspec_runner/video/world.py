@@ -52,6 +52,7 @@ class RecordedWorld:
             self._show_endless(name, shape)
         self.links = bare_links(model, context.robot.tip_body)
         self._joints = scene.arm.places(model).positions
+        self._coupling = context.robot.coupling
         self._moving_bases = MovingBases(model, self.data, task) if moving(task) else None
         self._coordinates = _coordinates(model, task, recording)
         self._loose_at = np.array(
@@ -63,7 +64,7 @@ class RecordedWorld:
         """Puts everything where it was at a row of the log."""
         data, recording = self.data, self.recording
         data.time = float(recording.clock[row])
-        data.qpos[self._joints] = recording.q[row]
+        data.qpos[self._joints] = self._coupling.joints(recording.q[row])
         for at, values in self._coordinates:
             data.qpos[at] = values[row]
         for i, at in enumerate(self._loose_at):
@@ -137,7 +138,7 @@ def _loose_poses(recording: Recording) -> Vector:
     torque = np.column_stack([columns[f"joint.{i}.torque"] for i in joints])
     poses = np.empty((len(recording), len(plant.views.loose)))
     for row in range(len(recording)):
-        plant.arm.q[:], plant.arm.v[:] = recording.q[row], v[row]
+        plant.arm.put(recording.q[row], v[row])
         plant.step(torque[row])
         poses[row] = plant.views.loose
     return poses

@@ -51,7 +51,7 @@ def resolve(
     names = tuple(requested)
     objects = plan.contacts.touched
     limits, inputs, clock = plan.limits, measurement.inputs, measurement.clock.clock
-    n = context.robot.pin.nv
+    n = context.robot.n
     active = {name: measurement.rows[name] for name in plan.active}
     # A limit on the contact force is one on that of every object that the tool may touch.
     capped = objects if limits.force is None else all_objects(context, objects)

@@ -309,7 +309,7 @@ class StagePlan:
     def by_rules(self) -> Design:
         """What the law's rules give."""
         if self.joint_path is not None:
-            return Design(COMPUTED_TORQUE.joint_gains(self.context.robot.pin.nv))
+            return Design(COMPUTED_TORQUE.joint_gains(self.context.robot.n))
         return self.design_rules.design()
 
     def designed_as(self, design: Design) -> Self:

@@ -102,5 +102,5 @@ def _contexts(context: Context) -> Iterator[tuple[str, Context]]:
             continue
         target = path.joints[-1]
         # What does not fit the arm is for the rules to say.
-        if len(target) == context.robot.pin.nv:
+        if len(target) == context.robot.n:
             context = prepare(context.loaded, context.robot, np.array(target, dtype=float))

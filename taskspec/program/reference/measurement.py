@@ -163,7 +163,7 @@ def measure(plan: StagePlan) -> Measurement:
 
 
 def _inputs(context: Context) -> ports.Inputs:
-    n, stages = context.robot.pin.nv, context.loaded.task.stages
+    n, stages = context.robot.n, context.loaded.task.stages
     now, q, v = (ca.SX.sym(s, size) for s, size in (("now", 2 + len(stages)), ("q", n), ("v", n)))
     return ports.Inputs(
         now=now,

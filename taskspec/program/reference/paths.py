@@ -118,7 +118,7 @@ def joint_path(context: Context, name: str, stage: Stage) -> JointPath | None:
             raise spec_error(
                 context.loaded, place, error.code, error.message, error.hint
             ) from error
-    slides = [i for i in range(robot.pin.nv) if not turns_at(robot, i)]
+    slides = [i for i in range(robot.n) if not turns_at(robot, i)]
     if slides and path.joint_speed is not None:
         i = slides[0]
         raise spec_error(

@@ -22,7 +22,7 @@ def goals(law: Law, robot: RobotModel, axes: tuple[Axis, ...]) -> tuple[str, ...
 
     Empty where there is no null space, and under the laws that leave it alone.
     """
-    redundant = robot.pin.nv > len(axes)
+    redundant = robot.n > len(axes)
     return law.null_space if redundant and law.control_law.holds_null_space else ()
 
 
@@ -42,7 +42,7 @@ def null_space_acceleration(
     wanted = goals(law, robot, state.axes)
     if not wanted:
         return None
-    units = null_space.joint_units([turns_at(robot, i) for i in range(robot.pin.nv)])
+    units = null_space.joint_units([turns_at(robot, i) for i in range(robot.n)])
     J_task = null_space.scale(state.J, state.axes, units)
     pulls: dict[str, Callable[[], ca.SX]] = {
         "posture": lambda: null_space.posture(q, ca.SX(ca.DM(context.posture))),

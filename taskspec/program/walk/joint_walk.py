@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
@@ -56,15 +55,12 @@ def joint_states(path: JointPath, start: Vector) -> list[JointState]:
 
 def torques(robot: RobotModel, state: JointState) -> Vector:
     """(n,) what moves the arm so, u = H q'' + C q' + g [N m, N]."""
-    data = robot.pin.createData()
-    return np.asarray(pin.rnea(robot.pin, data, state.q, state.v, state.a))
+    return robot.twin().torque(state.q, state.v, state.a)
 
 
 def tip_at(robot: RobotModel, q: Vector) -> tuple[Vector, Vector]:
     """(3,), (3, 3) pose of the tip with the joints at q (n,), world axes."""
-    data = robot.pin.createData()
-    pin.forwardKinematics(robot.pin, data, q)
-    at = data.oMi[robot.tip_joint] * robot.tip
+    at = robot.twin().tip(q)
     return at.translation, at.rotation
 
 
@@ -77,14 +73,12 @@ def joint_passage(stage: StagePlan, start: Vector) -> Passage:
     """
     path, robot = stage.joint_path, stage.context.robot
     assert path is not None
-    data, still = robot.pin.createData(), dict.fromkeys(AXES, 0.0)
-    tip, frame = robot.pin.getFrameId("tip"), stage.kinematics.frame_at_tool
+    twin, still = robot.twin(), dict.fromkeys(AXES, 0.0)
+    frame = stage.kinematics.frame_at_tool
     inside = np.kron(np.eye(2), frame.T)
     instants: list[Instant] = []
     for state in joint_states(path, start):
-        pin.computeJointJacobians(robot.pin, data, state.q)
-        at = data.oMi[robot.tip_joint] * robot.tip
-        J = pin.getFrameJacobian(robot.pin, data, tip, pin.LOCAL_WORLD_ALIGNED)
+        at, J = twin.tip(state.q), twin.jacobian(state.q)
         # Singular or not, the joints go on.
         instants.append(
             Instant(

@@ -19,7 +19,6 @@ from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan
 from taskspec.program.stages.null_space import goals
 from taskspec.robot.inverse_kinematics import turns_at
-from taskspec.robot.poses import mirrored
 
 Vector = NDArray[np.float64]
 
@@ -62,11 +61,10 @@ class PoseFollower:
         robot = context.robot
         fits = context.posture.shape == context.start.shape  # Else TS411 says so.
         self._robot, self._posture = robot, context.posture if fits else context.start
-        self._data = robot.pin.createData()
-        self._tip = robot.pin.getFrameId("tip")
+        self._twin = robot.twin()
         self._rows = [a.row for a in stage.axes]
         self._goals = goals(stage.law, robot, stage.axes)
-        units = null_space.joint_units([turns_at(robot, i) for i in range(robot.pin.nv)])
+        units = null_space.joint_units([turns_at(robot, i) for i in range(robot.n)])
         widths = null_space.widths(robot.lower, robot.upper, units)
         self._widths = np.where(widths > 0, widths, np.inf)
 
@@ -85,7 +83,7 @@ class PoseFollower:
         share = 1.0 - float(np.exp(-lasts / _SETTLES)) if self._goals else 0.0
         pivot, error = np.inf, np.zeros(6)
         for i in range(_ITERATIONS):
-            at = self._tip_at(q)
+            at = self._twin.tip(q)
             error = np.concatenate([p - at.translation, pin.log3(R @ at.rotation.T)])
             e = (inside @ error)[rows]
             if share == 0.0 and math.sqrt(e @ e) < _POSE_TOLERANCE:
@@ -108,16 +106,10 @@ class PoseFollower:
         missed = float(np.linalg.norm(kept)) > _LARGEST_POSE_ERROR
         return Taken(q, pivot, kept if missed else None)
 
-    def _tip_at(self, q: Vector) -> pin.SE3:
-        pin.forwardKinematics(self._robot.pin, self._data, q)
-        return self._data.oMi[self._robot.tip_joint] * self._robot.tip
-
     def _mobility(self, q: Vector, inside: Vector) -> tuple[Vector, Vector, Vector]:
         """J (m, n), H^-1 J^T (n, m) and J H^-1 J^T (m, m) in the frame's axes."""
-        robot = self._robot
-        J = pin.computeFrameJacobian(robot.pin, self._data, q, self._tip, pin.LOCAL_WORLD_ALIGNED)
-        J = (inside @ J)[self._rows]
-        mobile = np.linalg.solve(mirrored(pin.crba(robot.pin, self._data, q)), J.T)
+        J = (inside @ self._twin.jacobian(q))[self._rows]
+        mobile = np.asarray(np.linalg.solve(self._twin.inertia(q), J.T))
         return J, mobile, J @ mobile
 
     def _pull(self, q: Vector) -> Vector:

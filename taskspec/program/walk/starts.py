@@ -20,7 +20,6 @@ from taskspec.program.passage import End
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.stages.conditions import NEAR_SINGULAR
 from taskspec.robot.inverse_kinematics import SOLVED, InverseKinematics, Target, turns_at
-from taskspec.robot.mobility import tip_jacobian
 from taskspec.text.diagnostic import SpecError
 
 Vector = NDArray[np.float64]
@@ -90,7 +89,7 @@ def _room_of(stage: StagePlan) -> float:
     if min(instant.pivot for instant in passage.instants) < NEAR_SINGULAR:
         return 0.0
     q = np.array([instant.q for instant in passage.instants])
-    units = joint_units([turns_at(robot, i) for i in range(robot.pin.nv)])
+    units = joint_units([turns_at(robot, i) for i in range(robot.n)])
     return float(np.min(np.minimum(q - robot.lower, robot.upper - q) / units))
 
 
@@ -120,9 +119,9 @@ def _turned(context: Context) -> Iterator[Vector]:
 def _bent(context: Context) -> Iterator[Vector]:
     """The start with the elbow elsewhere."""
     robot = context.robot
-    J = tip_jacobian(robot.pin, robot.tip_joint, robot.tip, context.start)
+    J = robot.twin().resolved_jacobian(context.start)
     J = J[[a.row for a in robot.axes]]
-    if robot.pin.nv <= len(robot.axes):
+    if robot.n <= len(robot.axes):
         return
     null = np.linalg.svd(J)[2][-1]
     solver = InverseKinematics(robot)

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.program.errors import spec_error
@@ -131,10 +130,7 @@ def _start_at(robot: Robot, model: RobotModel, point: Vector) -> Vector:
 def _check_at_handle(
     loaded: LoadedTask, robot: Robot, model: RobotModel, q: Vector, point: Vector
 ) -> None:
-    data = model.pin.createData()
-    pin.framesForwardKinematics(model.pin, data, q)
-    tip = data.oMf[model.pin.getFrameId("tip")].translation
-    distance = float(np.linalg.norm(tip - point))
+    distance = float(np.linalg.norm(model.twin().tip(q).translation - point))
     if distance > _REACH:
         raise _away(loaded, robot, distance)
 

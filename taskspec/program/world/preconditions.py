@@ -54,7 +54,7 @@ def check_equations(
             )
         if not declared.equation.joints:
             continue
-        residual, joints = declared.equation.residual, robot.pin.nv
+        residual, joints = declared.equation.residual, robot.n
         for node in walk(residual.tree):
             if isinstance(node, Name) and _joint_of(node) > joints:
                 message = f"{robot.name!r} has {joints} joints, q1 to q{joints}"

@@ -6,7 +6,6 @@ import math
 
 import casadi as ca
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
@@ -14,7 +13,6 @@ from taskspec.geometry.rotation import cross, from_rpy
 from taskspec.program.world import frames
 from taskspec.program.world.equations import EquationModel
 from taskspec.robot import RobotModel
-from taskspec.robot.poses import mirrored
 from taskspec.spec import EquationObject, Mechanism, Shape, Task
 
 Vector = NDArray[np.float64]
@@ -155,7 +153,7 @@ def equation_mass(model: EquationModel, robot: RobotModel, q: Vector) -> float:
     Where the arm cannot move along it, or where there is none, the mean over what it can.
     """
     if model.joints:
-        H = _inertia(robot, robot.pin.createData(), q)
+        H = robot.twin().inertia(q)
         place, mobility = q, np.asarray(np.linalg.inv(H), dtype=np.float64)
     else:
         place, mobility = _tip(robot, q)
@@ -172,16 +170,10 @@ def _along(a: Vector, mobility: Vector) -> float:
 
 def _tip(robot: RobotModel, q: Vector) -> tuple[Vector, Vector]:
     """(3,) tip position [m] and its mobility J H^-1 J^T (3, 3) [1/kg] at q (n,), world axes."""
-    data = robot.pin.createData()
-    frame = robot.pin.getFrameId("tip")
-    J = pin.computeFrameJacobian(robot.pin, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
-    mobility = J @ np.linalg.solve(_inertia(robot, data, q), J.T)
-    pin.framesForwardKinematics(robot.pin, data, q)
-    return np.array(data.oMf[frame].translation), mobility
-
-
-def _inertia(robot: RobotModel, data: pin.Data, q: Vector) -> Vector:
-    return mirrored(pin.crba(robot.pin, data, q))
+    twin = robot.twin()
+    J = twin.jacobian(q)[:3]
+    mobility = J @ np.linalg.solve(twin.inertia(q), J.T)
+    return np.array(twin.tip(q).translation), mobility
 
 
 def virtual_mass_scale(robot: RobotModel) -> float:

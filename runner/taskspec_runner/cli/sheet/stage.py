@@ -107,7 +107,7 @@ def _joints(robot: RobotModel) -> Iterator[tuple[str, str]]:
                 (robot.torque_limit[i], moment, "torque"),
             )
         ]
-        mass = scaled(float(robot.pin.inertias[i + 1].mass), MASS)
+        mass = scaled(robot.carried_mass(i), MASS)
         yield f"joint {i + 1}", ", ".join((name, span, *most, f"carries {mass}"))
 
 
@@ -194,7 +194,7 @@ def _object(program: Program, name: str) -> str:
 
 def _null_space(program: Program, stage: CompiledStage) -> str:
     robot = program.context.robot
-    if robot.pin.nv == len(stage.plan.axes) or stage.plan.joint_path is not None:
+    if robot.n == len(stage.plan.axes) or stage.plan.joint_path is not None:
         return ""
     return (
         ", ".join(goals(stage.plan.law, robot, stage.plan.axes)) or "free: the law leaves it alone"

@@ -197,6 +197,7 @@ class TickMemory(Record):
     substeps: int  # of a period
     simple: int  # whether MuJoCo's step is all there is to a step
     n_applied: int  # degrees of freedom
+    n_joints: int  # of the arm, those that follow others among them
     n_mechanisms: int
     n_loose: int  # numbers of their poses
     n_moving: int  # driven coordinates
@@ -306,6 +307,7 @@ class TickMemory(Record):
     on_joints: Vector
     applied_joints: Vector
     detent_forces: Vector
+    joint_rates: Vector
     velocity: Vector
     momentum: Vector
     arm_velocity: Vector

@@ -331,7 +331,7 @@ def _apply(c: TickMemory) -> None:
                 c.applied_at,
             )
         joints, extra = c.applied_joints, c.on_joints
-        for i in range(c.n):
+        for i in range(c.n_joints):
             joints[i] += extra[i]
     if c.detents.code != 0:
         _evaluate(c.detents)
@@ -369,7 +369,7 @@ def _alarming(c: TickMemory) -> bool:
         return True
     c.last_time = time[0]
     velocity, momentum = c.velocity, c.momentum
-    _copy(c.true_v, c.arm_velocity, c.n)
+    _copy(c.joint_rates, c.arm_velocity, c.n_joints)
     call(c.mj_mulM, c.model, c.data, c.momentum, c.velocity)
     twice = 0.0
     for i in range(c.n_applied):
