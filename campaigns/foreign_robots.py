@@ -63,7 +63,9 @@ def load_listed(root: Path, robot: dict[str, Any]) -> RobotModel:
 
 def _section(file: str, flange: str | None = None) -> Any:
     mount = flange and SimpleNamespace(body=flange, xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
-    return SimpleNamespace(model=file, flange=mount, base=_BASE, tool=_TOOL, balanced=False)
+    return SimpleNamespace(
+        model=file, flange=mount, base=_BASE, tool=_TOOL, balanced=False, xacro={}
+    )
 
 
 def _say(*lines: str) -> None:

@@ -22,7 +22,7 @@ class MovingArm:
 
     def __init__(self, name: str, seed: int) -> None:
         robot = SimpleNamespace(
-            model=name, flange=None, base=_POSE, tool=_TOOL, balanced=False
+            model=name, flange=None, base=_POSE, tool=_TOOL, balanced=False, xacro={}
         )  # fmt: skip
         self.robot = load_robot(robot)
         n = self.n = self.robot.pin.nv

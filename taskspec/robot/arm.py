@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
-from taskspec.robot.coupling import Coupling
+from taskspec.robot.coupling import JointCoupling
 from taskspec.robot.links import Links
 from taskspec.robot.pinocchio_model import Bodies
 from taskspec.robot.types import FileRemark, ToolBody, ToolGeometry
@@ -45,7 +45,8 @@ class KnownArm:
 
     name: str
     bodies: Bodies
-    coupling: Coupling
+    coupling: JointCoupling
+    carried_links: tuple[str, ...]
     axes: tuple[Axis, ...]
     home: Array
     lower: Array

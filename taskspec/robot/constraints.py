@@ -17,7 +17,7 @@ import numpy as np
 from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.chain import Chain, carrying
-from taskspec.robot.coupling import Coupling
+from taskspec.robot.coupling import JointCoupling
 from taskspec.robot.description import Description, driven_joints, torque_limit
 from taskspec.robot.errors import RobotError
 from taskspec.robot.types import FileRemark
@@ -98,7 +98,7 @@ class _Solved:
 
 
 @dataclass(frozen=True, slots=True)
-class Coordinates:
+class ArmCoordinates:
     """The coordinates of an arm, and what its file says of each of them.
 
     Attributes:
@@ -110,7 +110,7 @@ class Coordinates:
         remarks: What follows, and what is left out.
     """
 
-    coupling: Coupling
+    coupling: JointCoupling
     home: Array
     lower: Array
     upper: Array
@@ -119,7 +119,7 @@ class Coordinates:
     remarks: tuple[FileRemark, ...]
 
 
-def coordinates(description: Description, chain: Chain, whole_home: Array) -> Coordinates:
+def coordinates(description: Description, chain: Chain, whole_home: Array) -> ArmCoordinates:
     """Solves what a robot's file ties together.
 
     Args:
@@ -152,7 +152,7 @@ def coordinates(description: Description, chain: Chain, whole_home: Array) -> Co
         for j in (*chain.joints, *(j for j in solved.ratios if j not in at))
     }
     joints = list(chain.joints)
-    coupling = Coupling(
+    coupling = JointCoupling(
         tuple(m.joint(j).name for j in joints),
         tuple(bool(m.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE) for j in joints),
         tuple(at[j] for j in free),
@@ -167,7 +167,7 @@ def coordinates(description: Description, chain: Chain, whole_home: Array) -> Co
     left_out += _not_mapped(description, chain, coupling, (lower, upper, velocity), driven)
     left_out += _tendons(m, chain)
     following = _following(coupling, rows, home, whole_home[m.jnt_qposadr[joints]])
-    return Coordinates(
+    return ArmCoordinates(
         coupling, home, lower, upper, velocity, np.array(torque), (*following, *left_out)
     )
 
@@ -313,7 +313,7 @@ def _single(ratios: Array) -> int | None:
     return int(moved[0]) if len(moved) == 1 else None
 
 
-def _positions(m: mujoco.MjModel, chain: Chain, coupling: Coupling) -> tuple[Array, Array]:
+def _positions(m: mujoco.MjModel, chain: Chain, coupling: JointCoupling) -> tuple[Array, Array]:
     """(n,), (n,) the coordinates' limits, by those of all joints that follow one of them."""
     lower, upper = np.full(coupling.n, -np.inf), np.full(coupling.n, np.inf)
     for j, ratios, offset in zip(chain.joints, coupling.ratios, coupling.offsets, strict=True):
@@ -337,7 +337,7 @@ def _positions(m: mujoco.MjModel, chain: Chain, coupling: Coupling) -> tuple[Arr
     return lower, upper
 
 
-def _velocities(description: Description, chain: Chain, coupling: Coupling) -> Array:
+def _velocities(description: Description, chain: Chain, coupling: JointCoupling) -> Array:
     """(n,) the coordinates' velocity limits, by those of all joints that follow one of them."""
     found = np.full(coupling.n, np.inf)
     for j, ratios in zip(chain.joints, coupling.ratios, strict=True):
@@ -358,7 +358,7 @@ def _torque(
 
 
 def _following(
-    coupling: Coupling, rows: list[_Row], home: Array, file_home: Array
+    coupling: JointCoupling, rows: list[_Row], home: Array, file_home: Array
 ) -> Iterator[FileRemark]:
     """Which joints follow, and where that puts them at home."""
     if not coupling.couples:
@@ -402,7 +402,7 @@ def _outside(m: mujoco.MjModel, solved: _Solved, at: Mapping[int, int]) -> Itera
 def _not_mapped(
     description: Description,
     chain: Chain,
-    coupling: Coupling,
+    coupling: JointCoupling,
     bounds: tuple[Array, Array, Array],
     driven: frozenset[int],
 ) -> Iterator[FileRemark]:

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Coupling:
+class JointCoupling:
     """q = A x + b, for the joints from the base to the flange.
 
     Attributes:

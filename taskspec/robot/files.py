@@ -18,7 +18,7 @@ from taskspec.robot.bounds import MOST_DEPTH, MOST_ELEMENTS, check_text, too_lar
 from taskspec.robot.collada import as_obj
 from taskspec.robot.errors import RobotError
 from taskspec.text.codes import register
-from taskspec.text.confines import REMEDY, Confines, here
+from taskspec.text.confines import REMEDY, Confines
 
 register(
     {
@@ -33,7 +33,6 @@ MESH_SUFFIXES = (".stl", ".obj", ".msh", ".dae")
 _MODEL_BYTES = 8 * 2**20
 _MESH_BYTES = 64 * 2**20
 _ALL_MESHES = 256 * 2**20
-_PARENTS = 8
 _NAN = re.compile(r"(?:^|\s)[+-]?nan(?:\s|$)", re.IGNORECASE)
 _NAMES = frozenset(
     {"name", "class", "childclass", "link", "joint", "body", "site", "file", "filename"}
@@ -179,34 +178,6 @@ def mesh_token(number: int, path: Path) -> str:
     """A name for the bytes of a mesh, with the ending of what they are."""
     suffix = path.suffix.lower()
     return f"mesh{number}{'.obj' if suffix == '.dae' else suffix}"
-
-
-def find_mesh(uri: str, folder: Path, roots: Roots) -> Path | None:
-    """The file that a mesh's URI means, or None.
-
-    `package://NAME/rest` and `model://NAME/rest` are searched as `NAME/rest` and `rest` beside
-    the robot's file and in the folders above it, as far as these may hold files of the task.
-
-    Args:
-        uri: As written in the robot's file.
-        folder: Where relative paths begin.
-        roots: Where other files may lie.
-    """
-    scheme, _, rest = uri.rpartition("://")
-    rest = rest.replace("\\", "/")
-    if scheme in ("package", "model"):
-        parts = Path(rest.lstrip("/")).parts
-        if ".." in parts:
-            return None
-        above_model = roots.model.resolve().parents[:-1]
-        for above in (roots.model, *above_model[:_PARENTS]):
-            for relative in (parts, parts[1:]):
-                file = above.joinpath(*relative)
-                if relative and roots.hold(file) and is_regular(file):
-                    return file
-        return None
-    path = here(folder / rest)
-    return path if roots.hold(path) and is_regular(path) else None
 
 
 def parse_xml(text: str, shown: str, *, placed: bool = True) -> ElementTree.Element:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -59,9 +59,16 @@ def load_robot(robot: RobotLike, base_dir: Path | None = None) -> RobotModel:
     """
     section = _Section.of(robot)
     if is_builtin(robot.model):
+        if robot.xacro:
+            raise RobotError(
+                "TS402",
+                f"'{robot.model}' is built in: it has no arguments",
+                "leave `xacro` out",
+                ("xacro",),
+            )
         return _built_in(section)
     with noting_files() as noted:
-        made = _made(section, _read(robot.model, base_dir))
+        made = _made(section, _read(robot.model, base_dir, robot.xacro))
     absent = frozenset(noted.absent) if noted.whole else None
     return replace(made, files=noted.files, absent=absent)
 
@@ -104,6 +111,12 @@ class _Section:
     base: _Placed
     tool: _Mounted
     balanced: bool
+    arguments: tuple[tuple[str, str], ...]
+
+    @property
+    def xacro(self) -> dict[str, str]:
+        """The arguments by name."""
+        return dict(self.arguments)
 
     @staticmethod
     def of(robot: RobotLike) -> _Section:
@@ -116,6 +129,7 @@ class _Section:
             _Placed(tuple(base.xyz), tuple(base.rpy)),
             _Mounted(tool.shape, tool.radius, size, tool.thickness, tool.length, tool.mass),
             robot.balanced,
+            tuple(sorted(robot.xacro.items())),
         )
 
 
@@ -144,6 +158,7 @@ def _made(section: _Section, source: RobotFile) -> RobotModel:
         coupling=arm.coupling,
         joint_names=tuple(arm.coupling.names[j] for j in arm.coupling.free),
         hinges=tuple(arm.coupling.hinges[j] for j in arm.coupling.free),
+        carried_links=arm.carried_links,
         axes=arm.axes,
         home=arm.home,
         lower=arm.lower,
@@ -193,6 +208,7 @@ def _compiled(
         name=description.name,
         bodies=bodies,
         coupling=coupling,
+        carried_links=tuple(m.body(m.jnt_bodyid[j]).name for j in chain.joints),
         axes=axes,
         home=found.home,
         lower=found.lower,
@@ -292,11 +308,11 @@ def _check_inertia(twin: Twin, home: Array, bare: str, tool: float) -> None:
         )
 
 
-def _read(name: str, base_dir: Path | None) -> RobotFile:
+def _read(name: str, base_dir: Path | None, arguments: Mapping[str, str]) -> RobotFile:
     if is_packaged(name):
-        return read_packaged(name)
+        return read_packaged(name, arguments)
     if looks_like_path(name):
-        return read_own(name, base_dir or Path.cwd())
+        return read_own(name, base_dir or Path.cwd(), arguments)
     close = difflib.get_close_matches(name, builtin_names(), 1)
     raise RobotError(
         "TS401",

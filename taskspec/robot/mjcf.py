@@ -12,7 +12,6 @@ from taskspec.robot.errors import RobotError
 from taskspec.robot.files import (
     Roots,
     check_size,
-    find_mesh,
     is_regular,
     mesh_token,
     on_one_line,
@@ -20,6 +19,7 @@ from taskspec.robot.files import (
     read_mesh,
     read_model,
 )
+from taskspec.robot.ros_packages import find_mesh
 from taskspec.text.confines import REMEDY, here
 
 _INCLUDES = 20

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -30,42 +31,55 @@ from taskspec.robot.urdf import (
     urdf_spec,
     urdf_velocities,
 )
-from taskspec.robot.xacro_file import SUFFIX, expanded
+from taskspec.robot.xacro_file import SUFFIX, expanded, finished
 from taskspec.text.confines import Confines, confines, here
 
 MakeSpec = Callable[[bool], tuple["mujoco.MjSpec", list[str]]]
 
 
-def read_own(shown: str, folder: Path) -> RobotFile:
+def read_own(shown: str, folder: Path, arguments: Mapping[str, str]) -> RobotFile:
     """The robot in a file.
 
     Args:
         shown: The path as the task file has it.
         folder: Where relative paths begin.
+        arguments: Of a xacro file.
 
     Raises:
         RobotError: TS401 to TS405, TS409.
     """
     path = here(folder / shown)
-    return _read_file(path, shown, Roots(path.parent, confines(folder)))
+    return _read_file(path, shown, Roots(path.parent, confines(folder)), arguments)
 
 
-def read_packaged(shown: str) -> RobotFile:
+def read_packaged(shown: str, arguments: Mapping[str, str]) -> RobotFile:
     """The robot that `PACKAGE:NAME` means; its files lie in the folder of that package.
+
+    Args:
+        shown: As the task file has it.
+        arguments: Of a xacro file.
 
     Raises:
         RobotError: TS401 to TS405, TS409.
     """
     robot = find_packaged(shown)
-    return _read_file(robot.path, shown, Roots(robot.path.parent, Confines((robot.folder,))))
+    roots = Roots(robot.path.parent, Confines((robot.folder,)))
+    return _read_file(robot.path, shown, roots, arguments)
 
 
-def _read_file(path: Path, shown: str, roots: Roots) -> RobotFile:
+def _read_file(path: Path, shown: str, roots: Roots, arguments: Mapping[str, str]) -> RobotFile:
     text = read_model(path, shown, roots.confines)
     root = parse_xml(text, shown)
-    if path.suffix.lower() == SUFFIX or any("xacro" in str(each.tag) for each in root.iter()):
-        text = expanded(path, shown, roots.confines)
-        root = parse_xml(text, shown, placed=False)
+    if arguments or not finished(root):
+        if arguments and path.suffix.lower() != SUFFIX and finished(root):
+            raise RobotError(
+                "TS402",
+                f"'{shown}' is not xacro: it has no arguments",
+                "leave `xacro` out",
+                ("xacro",),
+            )
+        text, opened = expanded(path, shown, roots, arguments)
+        root, roots = parse_xml(text, shown, placed=False), replace(roots, confines=opened)
     if root.tag == "robot":
         return _urdf(text, root, shown, roots, path.stem)
     if root.tag == "mujoco":

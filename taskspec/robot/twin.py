@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from taskspec.robot.coupling import Coupling
+from taskspec.robot.coupling import JointCoupling
 from taskspec.robot.poses import mirrored
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ class Twin:
     """
 
     def __init__(
-        self, model: pin.Model, joint: int, placement: pin.SE3, coupling: Coupling
+        self, model: pin.Model, joint: int, placement: pin.SE3, coupling: JointCoupling
     ) -> None:
         """Takes a model that has a frame `tip`."""
         self.model, self.joint, self.placement, self.coupling = model, joint, placement, coupling

@@ -12,7 +12,7 @@ import numpy as np
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
-from taskspec.robot.coupling import Coupling
+from taskspec.robot.coupling import JointCoupling
 from taskspec.robot.links import Links
 from taskspec.robot.twin import Twin
 from taskspec.shapes import BoundedSurface
@@ -71,6 +71,8 @@ class RobotLike(Protocol):
     def tool(self) -> ToolLike: ...  # noqa: D102
     @property
     def balanced(self) -> bool: ...  # noqa: D102
+    @property
+    def xacro(self) -> Mapping[str, str]: ...  # noqa: D102
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +170,7 @@ class RobotModel:
             those that are left, the arm's n coordinates.
         joint_names: Names in the order of `q`.
         hinges: Whether each joint turns; else it slides.
+        carried_links: Of every joint of `coupling` the link that it moves, by its name in the file.
         axes: World axes along and about which the tip can move independently, of `x y z rx ry rz`.
         home: (n,) configuration from which inverse kinematics starts [rad or m].
         lower: (n,) joint position limits [rad or m], -inf where there is none.
@@ -194,9 +197,10 @@ class RobotModel:
     name: str
     simulated: MujocoArm
     pin: pin.Model
-    coupling: Coupling
+    coupling: JointCoupling
     joint_names: tuple[str, ...]
     hinges: tuple[bool, ...]
+    carried_links: tuple[str, ...]
     axes: tuple[Axis, ...]
     home: Array
     lower: Array

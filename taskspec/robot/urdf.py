@@ -12,7 +12,8 @@ import numpy as np
 from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.errors import RobotError
-from taskspec.robot.files import Roots, find_mesh, mesh_token, on_one_line, read_mesh
+from taskspec.robot.files import Roots, mesh_token, on_one_line, read_mesh
+from taskspec.robot.ros_packages import find_mesh
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 

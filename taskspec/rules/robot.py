@@ -148,11 +148,13 @@ def arm_at_start(task: TaskPlan) -> Iterator[Finding]:
                 key_of(place),
                 "start with that joint turned back: another rpy, or other joints",
             )
-        if robot.carried_mass(i) < _MASSLESS:
+    numbers = {j: f" {i + 1}" for i, j in enumerate(robot.coupling.free)}
+    for j, (name, link) in enumerate(zip(robot.coupling.names, robot.carried_links, strict=True)):
+        if robot.pin.inertias[j + 1].mass < _MASSLESS:
             yield warning(
                 "TS419",
-                f"joint {i + 1} ({name}) carries a link without mass: what it weighs, and what its "
-                "inertia resists, is left out of the arm",
+                f"joint{numbers.get(j, '')} ({name}) carries a link without mass, '{link}': what "
+                "it weighs, and what its inertia resists, is left out of the arm",
                 key_of(FILE.robot.model),
                 "give the link its <inertial>, or the tool a mass",
             )

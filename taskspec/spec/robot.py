@@ -13,7 +13,7 @@ from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.protection import Protection
 from taskspec.spec.quantities import Constant, Entries, ForJoints, QuantityList
 from taskspec.spec.sizes import check_sizes
-from taskspec.spec.words import Free, NameReference, Switch, Word
+from taskspec.spec.words import Free, NameReference, Switch, Texts, Word
 from taskspec.text.codes import register
 from taskspec.text.data import Map
 from taskspec.text.units import (
@@ -244,6 +244,7 @@ class Robot(Model):
 
     Attributes:
         model: a built-in name, or a path relative to the task file.
+        xacro: values of the arguments of a xacro file, as text.
         flange: what carries the tool; None if it is clear without.
         base: placement of the robot's base in the world.
         tool: what is mounted on the flange.
@@ -267,6 +268,9 @@ class Robot(Model):
         title="Robot model",
         description="A built-in name, the path of an MJCF, URDF or xacro file, or "
         "PACKAGE:NAME of a robot that pip has installed (taskspec robots)",
+    )
+    xacro: Annotated[dict[str, str], Texts("an argument", "xacro: {name: ur5e}")] = Field(
+        {}, title="Arguments", description="Of a xacro file: what it has in <xacro:arg>"
     )
     flange: Flange | None = Field(
         None, title="Flange", description="The body or frame that carries the tool"

@@ -10,7 +10,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
-from taskspec.text.data import Items, Text, TruthValue, Whole
+from taskspec.text.data import Items, Map, Real, Text, TruthValue, Whole
 from taskspec.text.suggest import suggestion
 
 register({"TS025": "not one of the words that fit"})
@@ -171,6 +171,41 @@ class Free(FieldType):
     def json(self) -> dict[str, Any]:
         """Describes the text."""
         return {"type": "string"} | ({"pattern": self.pattern} if self.pattern else {})
+
+
+@dataclass(frozen=True)
+class Texts(FieldType):
+    """Names, each with a text, a number or a truth value, taken as it is written.
+
+    Attributes:
+        what: one of them, with its article.
+        example: of all.
+    """
+
+    what: str
+    example: str
+
+    def read(self, value: object, context: ParseContext) -> dict[str, str]:
+        """The texts by name."""
+        if not isinstance(value, Map):
+            message = f"names with their values are needed here, this is {kind_of(value)}"
+            context.error("TS022", message, span_of(value), f"such as {self.example}")
+            return {}
+        found = {}
+        for name, each in value.items():
+            if isinstance(each, Map | Items):
+                message = f"{self.what} is a text or a number, this is {kind_of(each)}"
+                context.error("TS022", message, span_of(each), f"such as {self.example}")
+            elif isinstance(each, Text | Whole | Real | TruthValue):
+                found[name] = each.node.value
+        return found
+
+    def json(self) -> dict[str, Any]:
+        """Describes the mapping."""
+        return {
+            "type": "object",
+            "additionalProperties": {"type": ["string", "number", "boolean"]},
+        }
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ AXES = {"planar3": ("x", "y", "rz"), "ur5e": state.AXES, "panda": state.AXES}
 
 def load(name):
     return load_robot(
-        SimpleNamespace(model=name, flange=None, base=POSE, tool=TOOL, balanced=False)
+        SimpleNamespace(model=name, flange=None, base=POSE, tool=TOOL, balanced=False, xacro={})
     )
 
 

@@ -64,7 +64,7 @@ def test_kinematics(name):
     """Twist J q' from the pose, drift J' q' from the Jacobian."""
     base = POSE if name in ("ur5e", "panda") else SimpleNamespace(xyz=(0, 0, 0), rpy=(0, 0, 0))
     robot = load_robot(
-        SimpleNamespace(model=name, flange=None, base=base, tool=TOOL, balanced=False)
+        SimpleNamespace(model=name, flange=None, base=base, tool=TOOL, balanced=False, xacro={})
     )
     f = Numbers(robot, lambda k, q, v, t: (k.p, k.R, k.J, k.twist, k.drift, q, v, t))
     rng, n, worst = np.random.default_rng(1), robot.pin.nv, 0.0
@@ -83,7 +83,7 @@ def test_dynamics(name):
     """H, C q' + g and g from the kinetic and the potential energy, by Lagrange's equations."""
     robot = load_robot(
         SimpleNamespace(
-            model=name, flange=None, tool=TOOL, balanced=False,
+            model=name, flange=None, tool=TOOL, balanced=False, xacro={},
             base=SimpleNamespace(xyz=(0, 0, 0), rpy=(0, 0, 0)),
         )
     )  # fmt: skip

@@ -45,6 +45,7 @@ def section(model: str, **keys: Any) -> Any:
         base=SimpleNamespace(**base),
         tool=SimpleNamespace(**tool),
         balanced=keys.get("balanced", False),
+        xacro=keys.get("xacro", {}),
     )
 
 

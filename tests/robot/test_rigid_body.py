@@ -11,7 +11,7 @@ import pytest
 from test_robot_agreement import CASES
 
 from taskspec.program.execution.compiled_terms import CompiledTerms
-from taskspec.robot.coupling import Coupling
+from taskspec.robot.coupling import JointCoupling
 from taskspec.robot.model_terms import symbols
 from taskspec.robot.rigid_body import RigidBody
 from term_differences import TOLERANCE, differences
@@ -78,7 +78,7 @@ def _coupling(rng, k):
     for j in follow:
         moved = rng.permutation(len(free))[: rng.integers(3)]
         A[j, moved], b[j] = rng.choice([-1.0, 1.0, 0.5, -2.3], len(moved)), rng.normal()
-    return Coupling(tuple(f"j{i}" for i in range(k)), (True,) * k, tuple(free), A, b)
+    return JointCoupling(tuple(f"j{i}" for i in range(k)), (True,) * k, tuple(free), A, b)
 
 
 def _gravity(rng):

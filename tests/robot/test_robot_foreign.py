@@ -1,4 +1,4 @@
-"""What people's files leave to be told: grippers, flanges, two arms, xacro, installed packages."""
+"""What people's files leave open: grippers, flanges, two arms, installed packages."""
 
 from __future__ import annotations
 
@@ -18,17 +18,6 @@ from taskspec.spec import load_task
 
 Load = Callable[..., RobotModel]
 ERR = Path(__file__).parents[1] / "corpus" / "err"
-
-#: A module that stands for the real one: it puts a word in place of another, as a macro would.
-XACRO = """
-from xml.dom import minidom
-all_includes = []
-def parse(_, path):
-    all_includes.append({include!r})
-    return minidom.parseString(open(path).read().replace("ARM", "bent"))
-def process_doc(document):
-    {body}
-"""
 
 
 def remarked(robot: RobotModel) -> dict[str, str]:
@@ -92,63 +81,6 @@ def test_of_two_arms_one_is_asked_for(load: Load, folder: Path) -> None:
     with pytest.raises(RobotError, match="has 2 arms of 3 joints") as caught:
         load("two.urdf", folder)
     assert caught.value.hint.endswith("flange: hand, hand_2")
-
-
-@pytest.fixture
-def xacro(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    def install(body: str = "pass", include: str = "own.urdf") -> None:
-        place = tmp_path / "site"
-        place.mkdir()
-        (place / "xacro.py").write_text(XACRO.format(body=body, include=include))
-        monkeypatch.syspath_prepend(place)
-
-    return install
-
-
-def written(folder: Path) -> str:
-    text = (ERR / "bent.urdf").read_text().replace('name="bent"', 'name="ARM"')
-    (folder / "arm.urdf.xacro").write_text(text)
-    return "arm.urdf.xacro"
-
-
-def test_xacro_is_expanded_where_it_is_installed(
-    load: Load, folder: Path, xacro: Callable[..., None]
-) -> None:
-    xacro()
-    found = load(written(folder), folder)
-    assert len(found.joint_names) == 3
-    assert (folder / "own.urdf").absolute() in found.files
-
-
-@pytest.mark.parametrize(
-    ("body", "include", "code", "message"),
-    [
-        ("raise SystemExit('no such macro: box')", "own.urdf", "TS402", "no such macro: box"),
-        ("pass", "/etc/hostname", "TS409", "includes '/etc/hostname' from outside"),
-    ],
-)
-def test_xacro_that_goes_wrong_is_told(
-    load: Load,
-    folder: Path,
-    xacro: Callable[..., None],
-    body: str,
-    include: str,
-    code: str,
-    message: str,
-) -> None:
-    xacro(body, include)
-    with pytest.raises(RobotError, match=message) as caught:
-        load(written(folder), folder)
-    assert caught.value.code == code
-
-
-def test_without_xacro_its_pip_command_is_told(
-    load: Load, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("taskspec.robot.xacro_file.find_spec", lambda _: None)
-    with pytest.raises(RobotError, match="not installed") as caught:
-        load(written(folder), folder)
-    assert "pip install xacro" in caught.value.hint
 
 
 @pytest.fixture

@@ -109,6 +109,8 @@ def _joints(robot: RobotModel) -> Iterator[tuple[str, str]]:
         ]
         mass = scaled(robot.carried_mass(i), MASS)
         yield f"joint {i + 1}", ", ".join((name, span, *most, f"carries {mass}"))
+    for j in robot.coupling.followers:
+        yield "follows", robot.coupling.relation(j)
 
 
 def _holds(grasp: str | None) -> Iterator[tuple[str, str]]:
