@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.float64]
 
+#: Ratios and offsets of a file that mean something stay below this.
+_LARGEST = 1e6
 #: Ratios and offsets of a row that rounding alone keeps from 0.
 _ROUNDING = 1e-9
 _OPEN = (
@@ -133,6 +135,11 @@ def coordinates(description: Description, chain: Chain, whole_home: Array) -> Ar
     """
     m = description.model
     driven, at = driven_joints(m), {j: i for i, j in enumerate(chain.joints)}
+    for j in chain.joints:
+        if j in description.untied:
+            raise RobotError(
+                "TS405", description.untied[j], "name a joint that turns or slides, or remove it"
+            )
     left_out: list[FileRemark] = []
     rows = _touching(list(_rows(description, chain, left_out)), chain)
     # What does not move the flange follows first, then whoever has no motor, from the end on.
@@ -213,6 +220,8 @@ def _rows(description: Description, chain: Chain, left_out: list[FileRemark]) ->
                 left_out.append(_locked(what, "follows by a curve"))
             continue
         ratio = float(data[1]) if sides[1] else 0.0
+        if not np.isfinite(data[:2]).all() or np.abs(data[:2]).max() > _LARGEST:
+            raise RobotError("TS405", f"{what} has numbers beyond {_LARGEST:g}")
         ratios = dict(sides[0])
         for j, share in sides[1].items():
             ratios[j] = ratios.get(j, 0.0) - ratio * share

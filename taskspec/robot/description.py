@@ -39,6 +39,7 @@ class Description:
         coupled: Joints that follow another one or that another one follows, as a gripper's fingers
             do.
         constraints: The model's equality constraints in words, with file and line where known.
+        untied: Joints that are to follow what is no joint, by id: what that is, in words.
         notes: What could not be read as it is written.
         unphysical: Links whose inertia no body has; `model` has another one.
     """
@@ -49,6 +50,7 @@ class Description:
     velocity: Mapping[int, float] = field(default_factory=dict)
     coupled: tuple[str, ...] = ()
     constraints: Mapping[int, str] = field(default_factory=dict)
+    untied: Mapping[int, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     unphysical: tuple[Unphysical, ...] = ()
 

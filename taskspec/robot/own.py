@@ -114,7 +114,16 @@ def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: 
             for i in range(m.neq)
             if (joint := m.joint(m.eq_obj1id[i]).name) in mimics
         }
-        return Description(name, m, shown, velocity, coupled, constraints, tuple(notes), unphysical)
+        # MuJoCo passes over what follows no joint of its own.
+        untied = {
+            ids[joint]: f"<mimic> of joint '{joint}'{line_of(mimic, shown)} is to follow "
+            f"'{mimic.get('joint', '')}', which is no joint that moves"
+            for joint, mimic in mimics.items()
+            if joint in ids and mimic.get("joint") not in ids
+        }
+        return Description(
+            name, m, shown, velocity, coupled, constraints, untied, tuple(notes), unphysical
+        )
 
     assets = [part for token, data in drawn.assets.items() for part in (token.encode(), data)]
     absent = [word.encode() for word in drawn.absent]
@@ -133,7 +142,7 @@ def _mjcf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: 
             else {}
         )
         return Description(
-            name, m, shown, velocity_limits(m), (), constraints, tuple(notes), unphysical
+            name, m, shown, velocity_limits(m), (), constraints, {}, tuple(notes), unphysical
         )
 
     # Only MuJoCo knows which files are meant.

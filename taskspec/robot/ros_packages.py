@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
-from xml.etree import ElementTree
 
 from taskspec.robot.files import Roots, is_regular, note_program
 from taskspec.text.confines import here
 
 _MANIFEST = "package.xml"
+_MANIFEST_BYTES = 2**16
+_NAME = re.compile(rb"<name>\s*([^<]*?)\s*</name>")
 _PARENTS = 8
 #: Folders below one of ROS_PACKAGE_PATH in which a package is looked for.
 _DEPTH = 3
@@ -78,8 +80,11 @@ def _beside(name: str, roots: Roots) -> Iterator[Path]:
         if (folder / name).is_dir():
             yield folder / name
     for folder in above:
-        children = (each for each in sorted(folder.iterdir())[:_MOST_FOLDERS] if each.is_dir())
-        yield from (each for each in children if _names(each, name))
+        try:
+            children = sorted(each for each in folder.iterdir() if each.is_dir())
+        except OSError:
+            continue
+        yield from (each for each in children[:_MOST_FOLDERS] if _names(each, name))
 
 
 def _in_environment(name: str) -> Path | None:
@@ -106,10 +111,11 @@ def _paths(variable: str) -> list[Path]:
 def _names(folder: Path, name: str) -> bool:
     """Whether a folder is a package of that name by its manifest."""
     try:
-        root = ElementTree.parse(folder / _MANIFEST).getroot()
-    except (OSError, ElementTree.ParseError):
+        with (folder / _MANIFEST).open("rb") as manifest:
+            found = _NAME.search(manifest.read(_MANIFEST_BYTES))
+    except OSError:
         return False
-    return (root.findtext("name") or "").strip() == name
+    return found is not None and found[1].decode(errors="replace") == name
 
 
 def _installed(name: str) -> Iterator[Path]:

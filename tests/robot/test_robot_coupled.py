@@ -295,6 +295,27 @@ def test_what_cannot_be_mapped_is_refused_by_name_and_line(
     assert caught.value.hint
 
 
+@pytest.mark.parametrize("followed", ["j9", "tool"])
+def test_a_joint_cannot_follow_what_is_no_joint(load: Load, folder: Path, followed: str) -> None:
+    """MuJoCo passes over such a `<mimic>`; fingers that have one are locked as all are."""
+    text = (folder / "six.urdf").read_text()
+    mimic = f'effort="20"/><mimic joint="{followed}"/>'
+    (folder / "arm.urdf").write_text(text.replace('effort="20"/>', mimic))
+    message = rf"<mimic> of joint 'j6' \(arm.urdf, line 18\) is to follow '{followed}'"
+    with pytest.raises(RobotError, match=message):
+        load("arm.urdf", folder, flange="tool0")
+    assert load("arm.urdf", folder, flange="l5").n == 5
+
+
+@pytest.mark.parametrize("multiplier", ["inf", "1e9"])
+def test_ratios_that_mean_nothing_are_refused(load: Load, folder: Path, multiplier: str) -> None:
+    text = (folder / "six.urdf").read_text()
+    mimic = f'effort="100"/><mimic joint="j2" multiplier="{multiplier}"/>'
+    (folder / "arm.urdf").write_text(text.replace('effort="100"/>', mimic))
+    with pytest.raises(RobotError, match="numbers beyond"):
+        load("arm.urdf", folder, flange="tool0")
+
+
 def test_lines_are_those_of_an_included_file(load: Load, folder: Path) -> None:
     (folder / "loop.xml").write_text(f"<mujoco>\n<equality>\n{LOOP}\n</equality></mujoco>")
     with pytest.raises(RobotError, match=re.escape("<connect> 'rod' (loop.xml, line 3)")):
