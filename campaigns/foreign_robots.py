@@ -92,7 +92,7 @@ def main(arguments: list[str] | None = None) -> int:
         found = differences(robot, 1, STATES)
         worst = max(found, key=lambda term: found[term])
         size = RigidBody(robot).function.n_instructions()
-        _say(f"{name:12} {robot.pin.nv:6} {size:12}  {found[worst]:.1e} of {worst}")
+        _say(f"{name:12} {robot.n:6} {size:12}  {found[worst]:.1e} of {worst}")
         failed += found[worst] >= TOLERANCE
     return int(failed > 0)
 

@@ -55,6 +55,23 @@ class _Row:
     what: str
 
 
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    """A constraint between joints that is no such equation: a loop, or a ratio that changes.
+
+    Attributes:
+        joints: By MuJoCo's number.
+        follow: Those of them that are said to follow the others; all of a loop's.
+        what: The constraint, and what is wrong with it, in words.
+        hint: What to do about it.
+    """
+
+    joints: frozenset[int]
+    follow: frozenset[int]
+    what: str
+    hint: str
+
+
 @dataclass(slots=True)
 class _Solved:
     """Joints by the others: each is the sum of ratio times position, and an offset."""
@@ -140,8 +157,10 @@ def coordinates(description: Description, chain: Chain, whole_home: Array) -> Ar
             raise RobotError(
                 "TS405", description.untied[j], "name a joint that turns or slides, or remove it"
             )
-    left_out: list[FileRemark] = []
-    rows = _touching(list(_rows(description, chain, left_out)), chain)
+    found = list(_constraints(description))
+    rows = _touching([each for each in found if isinstance(each, _Row)], chain)
+    tied = {*chain.joints, *(j for row in rows for j in row.ratios)}
+    left_out = list(_curves(m, [each for each in found if isinstance(each, _Curve)], tied))
     # What does not move the flange follows first, then whoever has no motor, from the end on.
     order = {j: 1.0 + (j in driven) if j in at else 0.0 for j in range(m.njnt)}
     solved = _Solved()
@@ -171,6 +190,7 @@ def coordinates(description: Description, chain: Chain, whole_home: Array) -> Ar
     home = np.minimum(np.maximum(whole_home[m.jnt_qposadr[free]], lower), upper)
     torque = [_torque(m, j, by_free, driven, i) for i, j in enumerate(free)]
     left_out += _outside(m, solved, at)
+    left_out += _undriven(m, free, by_free, driven)
     left_out += _not_mapped(description, chain, coupling, (lower, upper, velocity), driven)
     left_out += _tendons(m, chain)
     following = _following(coupling, rows, home, whole_home[m.jnt_qposadr[joints]])
@@ -179,16 +199,11 @@ def coordinates(description: Description, chain: Chain, whole_home: Array) -> Ar
     )
 
 
-def _rows(description: Description, chain: Chain, left_out: list[FileRemark]) -> Iterator[_Row]:
-    """The file's equations between joints.
-
-    Args:
-        description: The file.
-        chain: The joints that move the flange.
-        left_out: Takes what is not linear and does not move the flange.
+def _constraints(description: Description) -> Iterator[_Row | _Curve]:
+    """What the file ties joints together by.
 
     Raises:
-        RobotError: TS405 for what closes a loop through the chain, or cannot be mapped.
+        RobotError: TS405 for numbers that mean nothing.
     """
     m = description.model
     for i in range(m.neq):
@@ -196,45 +211,61 @@ def _rows(description: Description, chain: Chain, left_out: list[FileRemark]) ->
             continue
         kind, data = int(m.eq_type[i]), m.eq_data[i]
         what = description.constraints.get(i) or words(m, i)
+        ids = [int(each) for each in (m.eq_obj1id[i], m.eq_obj2id[i])]
         if kind == mujoco.mjtEq.mjEQ_JOINT:
-            first, second = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
-            sides = [{first: 1.0}, {} if second < 0 else {second: 1.0}]
-            zeros = [float(m.qpos0[m.jnt_qposadr[j]]) for j in (first, second)]
+            sides = [{j: 1.0} if j >= 0 else {} for j in ids]
+            zeros = [float(m.qpos0[m.jnt_qposadr[j]]) for j in ids]
         elif kind == mujoco.mjtEq.mjEQ_TENDON:
-            tendons = [int(t) for t in (m.eq_obj1id[i], m.eq_obj2id[i])]
-            first = -1
-            if any(t >= 0 and not _is_fixed(m, t) for t in tendons):
-                moving = {j for t in tendons if t >= 0 for j in _joints_of(m, t)}
-                _refuse(moving & set(chain.joints), m, f"{what} is of a spatial tendon", _LINEAR)
+            if any(t >= 0 and not _is_fixed(m, t) for t in ids):
+                moving = frozenset(j for t in ids if t >= 0 for j in _joints_of(m, t))
+                yield _Curve(moving, moving, f"{what} is of a spatial tendon", _LINEAR)
                 continue
-            sides = [_fixed(m, t) if t >= 0 else {} for t in tendons]
-            zeros = [float(m.tendon_length0[t]) for t in tendons]
+            sides = [_fixed(m, t) if t >= 0 else {} for t in ids]
+            zeros = [float(m.tendon_length0[t]) for t in ids]
         else:
-            closes = _between(m, i) & set(chain.joints)
-            _refuse(closes, m, f"{what} closes a loop", _OPEN)
+            closes = frozenset(_between(m, i))
+            yield _Curve(closes, closes, f"{what} closes a loop", _OPEN)
             continue
+        if not np.isfinite(data[:5]).all() or np.abs(data[:5]).max() > _LARGEST:
+            raise RobotError("TS405", f"{what} has numbers beyond {_LARGEST:g}")
         if sides[1] and np.any(data[2:5]):
-            moving = set(sides[0]) & set(chain.joints)
-            _refuse(moving, m, f"{what} is not linear, polycoef={_numbers(data[:5])}", _LINEAR)
-            if set(sides[1]) & set(chain.joints):
-                left_out.append(_locked(what, "follows by a curve"))
+            moving = frozenset((*sides[0], *sides[1]))
+            text = f"{what} is not linear, polycoef={_numbers(data[:5])}"
+            yield _Curve(moving, frozenset(sides[0]), text, _LINEAR)
             continue
         ratio = float(data[1]) if sides[1] else 0.0
-        if not np.isfinite(data[:2]).all() or np.abs(data[:2]).max() > _LARGEST:
-            raise RobotError("TS405", f"{what} has numbers beyond {_LARGEST:g}")
         ratios = dict(sides[0])
         for j, share in sides[1].items():
             ratios[j] = ratios.get(j, 0.0) - ratio * share
         value = zeros[0] + float(data[0]) - (ratio * zeros[1] if sides[1] else 0.0)
+        first = ids[0] if kind == mujoco.mjtEq.mjEQ_JOINT else -1
         yield _Row(ratios, value, first, what)
 
 
-def _refuse(moving: set[int], m: mujoco.MjModel, what: str, hint: str) -> None:
-    """Refuses a constraint by which joints of the chain move otherwise than by themselves."""
-    if moving:
-        names = ", ".join(f"'{m.joint(j).name}'" for j in sorted(moving))
-        moves = "joint {} moves" if len(moving) == 1 else "joints {} move"
-        raise RobotError("TS405", f"{what}, and {moves.format(names)} the flange", hint)
+def _curves(m: mujoco.MjModel, curves: list[_Curve], tied: set[int]) -> Iterator[FileRemark]:
+    """Refuses the constraints by which joints of the chain move otherwise than by themselves.
+
+    What follows them by a curve and is tied to nothing else takes no freedom from them.
+
+    Args:
+        m: The robot's file, compiled.
+        curves: Its constraints that are no equations of a row.
+        tied: The chain's joints, and those that are tied to them.
+
+    Raises:
+        RobotError: TS405.
+    """
+    for curve in curves:
+        moving = curve.joints & tied
+        others = [each for each in curves if each is not curve and each.joints & curve.follow]
+        if moving and (curve.follow & tied or others):
+            names = ", ".join(f"'{m.joint(j).name}'" for j in sorted(moving))
+            moves = "joint {} moves" if len(moving) == 1 else "joints {} move"
+            raise RobotError(
+                "TS405", f"{curve.what}, and {moves.format(names)} the flange", curve.hint
+            )
+        if moving:
+            yield _locked(curve.what)
 
 
 def _touching(rows: list[_Row], chain: Chain) -> list[_Row]:
@@ -390,11 +421,12 @@ def _following(
     )
 
 
-def _locked(what: str, how: str) -> FileRemark:
+def _locked(what: str) -> FileRemark:
+    """Of what follows the chain beside it."""
     return FileRemark(
         "TS447",
-        f"{what} {how}, and does not move the flange: it is locked as it is at home, and what it "
-        "carries moves with the link before it",
+        f"{what}, and does not move the flange: what follows is locked as it is at home, and what "
+        "it carries moves with the link before it",
         "its part in the arm's inertia is that of this one pose",
         ("model",),
     )
@@ -405,7 +437,35 @@ def _outside(m: mujoco.MjModel, solved: _Solved, at: Mapping[int, int]) -> Itera
     for j, ratios in solved.ratios.items():
         masters = [m.joint(k).name for k in ratios if k in at]
         if j not in at and masters:
-            yield _locked(f"joint '{m.joint(j).name}'", f"follows {', '.join(masters)}")
+            yield _locked(f"joint '{m.joint(j).name}' follows {', '.join(masters)}")
+
+
+def _undriven(
+    m: mujoco.MjModel, free: list[int], by_free: Mapping[int, Array], driven: frozenset[int]
+) -> Iterator[FileRemark]:
+    """Coordinates that no motor of a file with motors moves."""
+    moved = sum((np.abs(by_free[j]) for j in driven if j in by_free), np.zeros(len(free)))
+    pulled = {j for t in _pulled(m) for j in _joints_of(m, t)}
+    left = [j for j, by in zip(free, moved, strict=True) if not by and j not in pulled]
+    if left and moved.any():
+        names = ", ".join(f"'{m.joint(j).name}'" for j in left)
+        one = len(left) == 1
+        yield FileRemark(
+            "TS447",
+            f"{'joint' if one else 'joints'} {names} {'has' if one else 'have'} no motor in the "
+            "file, as the others have: here every joint that moves by itself is driven",
+            "give it the motor that it has, or say what it follows (<equality><joint>)",
+            ("model",),
+        )
+
+
+def _pulled(m: mujoco.MjModel) -> frozenset[int]:
+    """The tendons that a motor pulls."""
+    return frozenset(
+        int(m.actuator_trnid[i, 0])
+        for i in range(m.nu)
+        if m.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_TENDON
+    )
 
 
 def _not_mapped(
@@ -445,11 +505,7 @@ def _not_mapped(
 
 def _tendons(m: mujoco.MjModel, chain: Chain) -> Iterator[FileRemark]:
     """Tendons at the chain's joints: what they do beside coupling is left out."""
-    pulled = {
-        int(m.actuator_trnid[i, 0])
-        for i in range(m.nu)
-        if m.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_TENDON
-    }
+    pulled = _pulled(m)
     for t in range(m.ntendon):
         joints = _joints_of(m, t) & set(chain.joints)
         has = {

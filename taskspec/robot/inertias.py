@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.float64]
 
+#: Moments below this are those of a point [kg·m²].
+_NONE = 1e-12
 #: Share of the largest moment that rounding in a file may be.
 _ROUNDED = 1e-3
 
@@ -80,7 +82,7 @@ def make_physical(spec: mujoco.MjSpec) -> tuple[list[Unphysical], list[str]]:
         moments, axes = np.linalg.eigh(tensor)
         low, middle, high = (float(moment) for moment in moments)
         size = max(abs(low), high)
-        if low >= 0 and high <= low + middle:
+        if size < _NONE or (low >= 0 and high <= low + middle):
             continue
         if low >= -_ROUNDED * size and high - low - middle <= _ROUNDED * size:
             low, middle = max(low, 0.0), max(middle, 0.0)

@@ -229,7 +229,47 @@ def test_a_crank_that_drives_an_arms_joint(load: Load, folder: Path) -> None:
     assert robot.joint_names == ("j1", "j2", "j3", "j4", "j5", "j6")
     assert robot.torque_limit[2] == 60
     (remark,) = (each for each in robot.remarks if each.code == "TS447")
-    assert "joint 'jc' follows j3, and does not move the flange: it is locked" in remark.message
+    assert "joint 'jc' follows j3, and does not move the flange: what follows is" in remark.message
+
+
+CRANK = (
+    '<body name="l2" pos="0 0 0.2" >',
+    '<body name="crank" pos="0 0.1 0.2"><joint name="jc" axis="0 1 0"/><inertial pos="0 0 0"'
+    ' mass="0.5" diaginertia="0.001 0.001 0.001"/></body><body name="l2" pos="0 0 0.2" >',
+)
+CURVED = "joint1='jc' joint2='j2' polycoef='0 1 0.2 0 0'"
+
+
+def test_what_follows_beside_the_arm_by_a_curve_is_left_out_aloud(load: Load, folder: Path) -> None:
+    robot = load(six(folder, tied(CURVED), CRANK), folder)
+    assert robot.n == 6
+    (remark,) = (each for each in robot.remarks if each.code == "TS447")
+    assert 'is not linear, polycoef="0 1 0.2 0 0", and does not move the flange' in remark.message
+
+
+@pytest.mark.parametrize(
+    "also",
+    [
+        tied(CURVED, "joint1='j3' joint2='jc' polycoef='0 1 0 0 0'"),
+        tied(CURVED, "joint1='jc' joint2='j3' polycoef='0 1 0.1 0 0'"),
+        tied("joint1='jc' joint2='j3'")
+        + "<equality><connect body1='crank' body2='world' anchor='0 0 0.1'/></equality>",
+    ],
+)
+def test_a_curve_by_way_of_a_crank_is_a_curve(load: Load, folder: Path, also: str) -> None:
+    """The crank does not move the flange, but j2 and j3 are tied to each other through it."""
+    with pytest.raises(RobotError, match=r"is not linear|closes a loop") as caught:
+        load(six(folder, also, CRANK), folder)
+    assert caught.value.code == "TS405"
+
+
+def test_a_joint_without_a_motor_among_others_is_named(load: Load, folder: Path) -> None:
+    gone = ('<motor name="m3" joint="j3"/>', "")
+    (remark,) = (each for each in load(six(folder, "", gone), folder).remarks)
+    assert (remark.code, "joint 'j3' has no motor in the file" in remark.message) == ("TS447", True)
+    text = re.sub("<actuator>.*</actuator>", "", (folder / "six.xml").read_text(), flags=re.DOTALL)
+    (folder / "arm.xml").write_text(text)
+    assert not load("arm.xml", folder).remarks
 
 
 FINGERS = (
@@ -277,7 +317,7 @@ ROPE = """
         ("<equality><weld body1='l6'/></equality>", r"<weld> of 'l6' and 'world' .*closes a loop"),
         ("<equality><connect site1='attachment_site' site2='low'/></equality>", "closes a loop"),
         (tied("joint1='j3' joint2='j2' polycoef='0 -1 0.2 0 0'"),
-         r'is not linear, polycoef="0 -1 0.2 0 0", and joint .j3. moves the flange'),
+         r'is not linear, polycoef="0 -1 0.2 0 0", and joints 'j2', 'j3' move the flange'),
         (ROPE, "<tendon> 'rope' .* spatial tendon"),
         (LEVEL + tied("joint1='j3' joint2='j2' polycoef='0.5 -1 0 0 0'"),
          "contradicts the constraints before it"),

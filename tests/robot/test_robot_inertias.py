@@ -94,6 +94,7 @@ def test_of_mjcf_too(load: Load, folder: Path, given: str, used: float) -> None:
         tensor(0.003, 0.003, 0.006),  # A flat plate: the largest is the sum of the others.
         tensor(0.004, 0.004, 0.0),  # A rod.
         tensor(0.0, 0.0, 0.0),  # A point mass.
+        tensor(2.4e-35, 0.0, -2.4e-35),  # A point, but for rounding, as a CAD export has it.
         tensor(0.1 + 0.2, 0.1, 0.2),  # A plate, but for rounding.
     ],
 )
