@@ -317,7 +317,7 @@ ROPE = """
         ("<equality><weld body1='l6'/></equality>", r"<weld> of 'l6' and 'world' .*closes a loop"),
         ("<equality><connect site1='attachment_site' site2='low'/></equality>", "closes a loop"),
         (tied("joint1='j3' joint2='j2' polycoef='0 -1 0.2 0 0'"),
-         r'is not linear, polycoef="0 -1 0.2 0 0", and joints 'j2', 'j3' move the flange'),
+         r'is not linear, polycoef="0 -1 0.2 0 0", and joints .j2., .j3. move the flange'),
         (ROPE, "<tendon> 'rope' .* spatial tendon"),
         (LEVEL + tied("joint1='j3' joint2='j2' polycoef='0.5 -1 0 0 0'"),
          "contradicts the constraints before it"),
