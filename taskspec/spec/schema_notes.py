@@ -84,6 +84,7 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
         for group in ("ProtectedJoints", "ProtectedTip", "ProtectedTurn", "Reflex", "SensorRange")
     },
     "Robot.balanced": ("", (True,)),
+    "Robot.xacro": ("", ({"name": "ur5e"},)),
     "Robot.grasp": ("", ("door.handle",)),
     "Screw.mechanism": ("Always this word", ()),
     "Shape.shape": (_WORDS, ()),
