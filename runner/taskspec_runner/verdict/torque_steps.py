@@ -20,9 +20,9 @@ NOTICED = 0.5
 def largest_step(transitions: Sequence[Transition], history: History) -> dict[str, Any] | None:
     """The largest step of a joint's torque; None of a run of one tick.
 
-    At a change of stage that is what the new stage's first torque is off the last stage's at the same
-    measurement, inside of a stage the change from one tick to the next: there `from` and `to` are
-    the same stage, and `joint` counts from 1.
+    At a change of stage that is what the new stage's first torque is off the last stage's at the
+    same measurement, inside of a stage the change from one tick to the next: there `from` and `to`
+    are the same stage, and `joint` counts from 1.
     """
     changes = [
         {
