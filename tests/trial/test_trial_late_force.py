@@ -1,4 +1,4 @@
-"""A force that is measured late, on a tool that friction holds: chatter, its axis and its remedy."""
+"""A late force on a tool that friction holds: it flips; its axis and its remedy."""
 
 from __future__ import annotations
 

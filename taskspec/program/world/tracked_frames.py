@@ -9,8 +9,8 @@ while |F| is above a floor; below it d stays. With w_F the rate of F/|F| and e t
 it, the rate of d goes towards w_F + 2 pi f_c e, which is cut to W, by at most 2 pi f_c W in a
 second: d begins and ends to turn without a step of its rate, brakes in time to stop at F/|F|, and
 then follows it without a lag of its own. A rate that stepped would step the torque by the damping
-of the rotations times W. d is the frame's z where it tracks the force, and its x where it tracks the
-velocity. The axes of a tick follow from the ticks before it.
+of the rotations times W. d is the frame's z where it tracks the force, and its x where it tracks
+the velocity. The axes of a tick follow from the ticks before it.
 A direction that turns at W is followed at a distance of atan(W / (2 pi f_c)): `lag`.
 """
 
