@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import yaml
@@ -20,15 +19,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from taskspec.robot import RobotError, RobotModel, load_robot
 from taskspec.robot.rigid_body import RigidBody
+from taskspec.spec.robot import Flange, Robot, Tool
 from term_differences import TOLERANCE, differences
 
 ROOT = Path(__file__).resolve().parents[1]
 LIST = Path(__file__).with_suffix(".yaml")
 STATES = 50
-_BASE = SimpleNamespace(xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
-_TOOL = SimpleNamespace(
-    shape="sphere", radius=None, size=None, thickness=None, length=None, mass=0.3
-)
+_TOOL = Tool(mass=0.3)
 
 
 def packages() -> dict[str, Any]:
@@ -62,10 +59,8 @@ def load_listed(root: Path, robot: dict[str, Any]) -> RobotModel:
 
 
 def _section(file: str, flange: str | None = None) -> Any:
-    mount = flange and SimpleNamespace(body=flange, xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
-    return SimpleNamespace(
-        model=file, flange=mount, base=_BASE, tool=_TOOL, balanced=False, xacro={}
-    )
+    mount = None if flange is None else Flange(body=flange)
+    return Robot(model=file, flange=mount, tool=_TOOL)
 
 
 def _say(*lines: str) -> None:

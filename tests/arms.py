@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import casadi as ca
 import numpy as np
 
 from taskspec.program.clock import Clock
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.robot import load_robot, model_terms
+from taskspec.spec.robot import Robot, Tool
 
-_POSE = SimpleNamespace(xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
-_TOOL = SimpleNamespace(
-    shape="sphere", radius=0.01, size=None, thickness=None, length=0.12, mass=0.3
-)
+_TOOL = Tool(shape="sphere", radius=0.01, length=0.12, mass=0.3)
 
 
 class MovingArm:
     """Evaluates expressions of the tip's kinematics and of the clock along a motion."""
 
     def __init__(self, name: str, seed: int) -> None:
-        robot = SimpleNamespace(
-            model=name, flange=None, base=_POSE, tool=_TOOL, balanced=False, xacro={}
-        )  # fmt: skip
+        robot = Robot(model=name, tool=_TOOL)
         self.robot = load_robot(robot)
         n = self.n = self.robot.pin.nv
         self.q, self.v = ca.SX.sym("q", n), ca.SX.sym("v", n)

@@ -5,8 +5,6 @@ Tolerances: double precision through matrices whose condition is below 1e5, so 1
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import casadi as ca
 import numpy as np
 import pinocchio as pin
@@ -21,19 +19,15 @@ from taskspec.program.world import kinematics
 from taskspec.program.world.frames import FrameModel
 from taskspec.robot import load_robot, model_terms
 from taskspec.shapes import SHAPES
+from taskspec.spec.robot import Robot, Tool
 
 RNG = np.random.default_rng(4)
-POSE = SimpleNamespace(xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
-TOOL = SimpleNamespace(
-    shape="sphere", radius=0.01, size=None, thickness=None, length=0.12, mass=0.3
-)
+TOOL = Tool(shape="sphere", radius=0.01, length=0.12, mass=0.3)
 AXES = {"planar3": ("x", "y", "rz"), "ur5e": state.AXES, "panda": state.AXES}
 
 
 def load(name):
-    return load_robot(
-        SimpleNamespace(model=name, flange=None, base=POSE, tool=TOOL, balanced=False, xacro={})
-    )
+    return load_robot(Robot(model=name, tool=TOOL))
 
 
 class Arm:

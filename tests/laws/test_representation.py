@@ -24,6 +24,7 @@ from taskspec.program.reference.orientation import (
 )
 from taskspec.robot import load_robot, model_terms
 from taskspec.spec import Law
+from taskspec.spec.robot import Robot, Tool
 
 RNG = np.random.default_rng(8)
 NAMES = ("rpy", "zyz")
@@ -83,11 +84,14 @@ class Reference6:
         return as_reference(self.error, self.velocity, self.acceleration)
 
 
+_BALL = Tool(shape="sphere", radius=0.01, length=0.12, mass=0.3)
+
+
 class EulerArm:
     """A panda whose task is stated in Euler angles of its tool in the world."""
 
     def __init__(self, name):
-        self.robot = load_robot(_Panda())
+        self.robot = load_robot(Robot(model="panda", tool=_BALL))
         n = self.robot.pin.nv
         self.v, self.w = ca.SX.sym("v", n), ca.SX.sym("w", 6)
         self.terms = terms = model_terms.symbols(self.robot, self.v)
@@ -122,19 +126,6 @@ class EulerArm:
         q = self.robot.home + RNG.uniform(-0.3, 0.3, 7)
         q[5] -= 0.7
         return q, RNG.normal(size=7) * 0.5, RNG.normal(size=6) * 10
-
-
-class _Nothing:
-    xyz, rpy = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-
-
-class _Ball:
-    shape, radius, size, length, mass = "sphere", 0.01, None, 0.12, 0.3
-    thickness = None
-
-
-class _Panda:
-    model, flange, balanced, base, tool = "panda", None, False, _Nothing(), _Ball()
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -6,8 +6,6 @@ with h = 1e-5 and quantities of order one both stay below 1e-10; rates are up to
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -17,15 +15,14 @@ from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.reference.constraints import equation_rows
 from taskspec.robot import load_robot, model_terms
 from taskspec.spec import load_text
+from taskspec.spec.robot import Pose, Robot, Tool
 
 STATES = 1000
 STEP = 1e-5
 TOLERANCE = 1e-6
 
-POSE = SimpleNamespace(xyz=(0.1, -0.2, 0.3), rpy=(0.2, 0.1, -0.3))
-TOOL = SimpleNamespace(
-    shape="sphere", radius=0.01, size=None, thickness=None, length=0.12, mass=0.3
-)
+POSE = Pose(xyz=(0.1, -0.2, 0.3), rpy=(0.2, 0.1, -0.3))
+TOOL = Tool(shape="sphere", radius=0.01, length=0.12, mass=0.3)
 ROBOTS = ("planar2", "planar3", "ur5e", "panda")
 
 
@@ -62,10 +59,8 @@ def rotation_rate(R_after, R_before, R):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_kinematics(name):
     """Twist J q' from the pose, drift J' q' from the Jacobian."""
-    base = POSE if name in ("ur5e", "panda") else SimpleNamespace(xyz=(0, 0, 0), rpy=(0, 0, 0))
-    robot = load_robot(
-        SimpleNamespace(model=name, flange=None, base=base, tool=TOOL, balanced=False, xacro={})
-    )
+    base = POSE if name in ("ur5e", "panda") else Pose()
+    robot = load_robot(Robot(model=name, base=base, tool=TOOL))
     f = Numbers(robot, lambda k, q, v, t: (k.p, k.R, k.J, k.twist, k.drift, q, v, t))
     rng, n, worst = np.random.default_rng(1), robot.pin.nv, 0.0
     for _ in range(STATES // len(ROBOTS)):
@@ -82,10 +77,7 @@ def test_kinematics(name):
 def test_dynamics(name):
     """H, C q' + g and g from the kinetic and the potential energy, by Lagrange's equations."""
     robot = load_robot(
-        SimpleNamespace(
-            model=name, flange=None, tool=TOOL, balanced=False, xacro={},
-            base=SimpleNamespace(xyz=(0, 0, 0), rpy=(0, 0, 0)),
-        )
+        Robot(model=name, tool=TOOL)
     )  # fmt: skip
     terms, n = CompiledTerms(robot), robot.pin.nv
 
