@@ -166,7 +166,7 @@ def arm_at_start(task: TaskPlan) -> Iterator[Finding]:
         "TS441": "a flange whose z does not point out of the arm",
         "TS442": "a joint without a limit of torque or speed",
         "TS446": "joints that follow others",
-        "TS447": "a part of the robot's file that is left out",
+        "TS447": "something in a robot's file that is not modelled",
         "TS448": "an inertia that no body has",
     },
     phase=Phase.TASK,
