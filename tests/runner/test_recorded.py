@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from command_line import call
+from mcap_ros2.writer import Writer
 from short_tasks import TAP
 from typer.testing import Result
 
@@ -28,7 +29,7 @@ from taskspec_runner.record.file_array import FileArray
 from taskspec_runner.record.history import History
 from taskspec_runner.recorded import guards, messages, sample_texts, source
 from taskspec_runner.recorded.column_map import SCHEMA_FILE, read_columns, schema_text
-from taskspec_runner.recorded.messages import _Definition
+from taskspec_runner.recorded.messages import read_mcap
 from taskspec_runner.recorded.recording import read_recording
 from taskspec_runner.recorded.ticks import Ticks
 from taskspec_runner.runs import Run
@@ -448,21 +449,21 @@ def test_rule_of_resampling() -> None:
     assert ticks.values(times, values, held=True).tolist() == [0.0, 10.0, 10.0, 50.0]
 
 
-def test_messages_whose_texts_and_lists_differ_in_length() -> None:
-    """CDR by hand: a text, then a list of numbers that is aligned behind it."""
-    text = "string name\nfloat64[] values\nuint8 last\n"
-    for name, count in (("ab", 1), ("abcdef", 3)):
-        content = name.encode() + b"\0"
-        data = b"\0\1\0\0" + len(content).to_bytes(4, "little") + content
-        data += bytes(-(len(data) - 4) % 4) + count.to_bytes(4, "little")
-        data += bytes(-(len(data) - 4) % 8) + np.arange(1.0, count + 1).tobytes() + b"\7"
-        layout = _Definition("pkg/msg/X", text).layout(data)
-        at, length = layout.texts["name"]
-        assert data[at : at + length].decode() == name
-        for i in range(count):
-            at, kind = layout.numbers[f"values[{i}]"]
-            assert np.frombuffer(data, f"<{kind}", 1, at)[0] == i + 1
-        assert data[layout.numbers["last"][0]] == 7
+def test_messages_whose_texts_and_lists_differ_in_length(tmp_path: Path) -> None:
+    """A text, then a list of numbers that is aligned behind it, as another library writes them."""
+    definition = "string name\nfloat64[] values\nuint8 last\n"
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file, Writer(file) as writer:
+        schema = writer.register_msgdef("pkg/msg/X", definition)
+        for number, (name, count) in enumerate((("ab", 1), ("abcdef", 3))):
+            message = {"name": name, "values": [*map(float, range(1, count + 1))], "last": 7}
+            writer.write_message("/x", schema, message, log_time=number, publish_time=number)
+    log = read_mcap(path)
+    assert log.words("/x.name").names == ("ab", "abcdef")
+    read = log.numbers(["/x.values[0]", "/x.values[2]", "/x.last"])
+    assert {name: values.tolist() for name, values in read.items()} == {
+        "/x.values[0]": [1, 1], "/x.values[2]": [3], "/x.last": [7, 7]}  # fmt: skip
+    assert log.times("/x.values[2]", ()).tolist() == [1e-9]
 
 
 @pytest.mark.parametrize(

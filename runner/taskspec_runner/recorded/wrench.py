@@ -1,0 +1,260 @@
+"""Forces and moments that were recorded in axes of the robot, in those of each stage's frame.
+
+    f_stage = M f,   m_stage = M (m - r x f),   M = R_stage^T R_of R
+
+R_stage and R_of are the axes of the stage's frame and of the robot's part in the world, R those of
+the recording in that part; r is from the point that recorded moments are about to the tool's tip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.geometry import rotation
+from taskspec.geometry.axis import AXES
+from taskspec.program.program import Program
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.world.frames import FrameModel
+from taskspec.robot.tool import LENGTH
+from taskspec_runner.errors import InputError
+from taskspec_runner.record.file_array import blocks, full
+from taskspec_runner.record.history import History, NotRecordedError, RecordedColumns
+from taskspec_runner.recorded.assignment import Assigned
+from taskspec_runner.recorded.column_map import WrenchAxes
+from taskspec_runner.verdict.replay import Replay, constant_axes
+
+Vector = NDArray[np.float64]
+
+_PARTS = (("force", ("x", "y", "z")), ("torque", ("rx", "ry", "rz")))
+#: Entries of a rotation below this are rounding.
+_ROUNDING = 1e-12
+
+
+class _Group:
+    """The forces, or the moments, of one sensor.
+
+    Attributes:
+        names: of the signals along or about x, y and z.
+        present: which of them were recorded.
+        frame: the axes in which they were.
+        forces: the group of the forces of the same sensor, for moments.
+    """
+
+    def __init__(
+        self, names: Sequence[str], recorded: Mapping[str, Assigned], forces: _Group | None
+    ) -> None:
+        self.names, self.forces = tuple(names), forces
+        self.present = tuple(name in recorded for name in names)
+        frames = {recorded[name].frame for name in names if name in recorded}
+        if len(frames) > 1:
+            raise InputError(f"{', '.join(names)} are one vector, so they have the same 'frame'")
+        self.frame = next(iter(frames), None)
+
+    @property
+    def of(self) -> str:
+        """Whose axes they are."""
+        return self.frame.of if self.frame is not None else "stage"
+
+    def vector(self, values: Mapping[str, Vector], rows: slice) -> Vector:
+        """(k, 3) the vector as recorded; zero along what was not."""
+        found = np.zeros((rows.stop - rows.start, 3))
+        for i, name in enumerate(self.names):
+            if self.present[i]:
+                found[:, i] = values[name][rows]
+        return found
+
+
+class WrenchTurn:
+    """Turns recorded forces and moments into the axes of the stages.
+
+    Attributes:
+        needed: whether anything was recorded in other axes.
+    """
+
+    def __init__(self, program: Program, signals: Sequence[Assigned], known: Sequence[str]) -> None:
+        """Takes what was recorded.
+
+        Args:
+            program: of the task.
+            signals: of the log.
+            known: every signal that a log of the task may have.
+
+        Raises:
+            InputError: parts of a vector have different axes, or a part is missing.
+        """
+        self._program, self._known = program, frozenset(known)
+        recorded = {each.name: each for each in signals}
+        self._groups: list[_Group] = []
+        for suffix in ("", ".measured"):
+            forces = None
+            for head, axes in _PARTS:
+                names = [f"{head}.{axis}{suffix}" for axis in axes]
+                group = _Group(names, recorded, forces)
+                forces = forces or group
+                if group.frame is not None and group.frame != WrenchAxes():
+                    self._groups.append(group)
+        self.needed = bool(self._groups)
+        #: The columns in axes that do not move, by M.
+        self._turned: dict[bytes, dict[str, Vector]] = {}
+
+    def in_stage(self, stage: CompiledStage, values: Mapping[str, Vector]) -> dict[str, Vector]:
+        """Columns (ticks,) in the axes of a stage's frame, as far as these do not move.
+
+        Args:
+            stage: whose frame it is.
+            values: (ticks,) of all signals, as recorded.
+
+        Raises:
+            InputError: they do move, so that it has to be known when the stage is on.
+        """
+        turns = []
+        for group in self._groups:
+            turn = self._constant(group, stage.plan.frame)
+            if turn is None:
+                raise InputError(
+                    f"forces were recorded in axes of the {group.of}, and the frame of stage "
+                    f"'{stage.name}' moves against these; state the stages by a column ('stage') "
+                    "or by times ('stages') in the map"
+                )
+            turns.append(turn)
+        key = b"".join(turn.tobytes() for turn in turns)
+        if key not in self._turned:
+            made, rows = dict(values), slice(0, len(next(iter(values.values()))))
+            for group, turn in zip(self._groups, turns, strict=True):
+                found = self._in_axes(group, turn, values, rows, stage)
+                made = {k: v for k, v in made.items() if k not in group.names} | found
+            self._turned[key] = made
+        return self._turned[key]
+
+    def over(self, history: History) -> dict[str, Vector]:
+        """Columns (ticks,) of a history, each tick in the axes of its own stage's frame.
+
+        Raises:
+            InputError: a frame moves, and the joint positions were not recorded.
+        """
+        context, stages = self._program.context, {s.name: s for s in self._program.stages}
+        values, made = history.columns, dict(history.columns)
+        for group in self._groups:
+            for name in self._known.intersection(group.names):
+                made[name] = full(len(history), np.nan)
+        turning = replace(history, columns=RecordedColumns(made))
+        replay = Replay(
+            context.robot, context.frames, self._program.stages, turning, context.moving_bases
+        )
+        for visit in history.visits():
+            stage = stages[visit.stage]
+            for group in self._groups:
+                constant = self._constant(group, stage.plan.frame)
+                for part in blocks(visit.last + 1 - visit.first):
+                    rows = slice(visit.first + part.start, visit.first + part.stop)
+                    turn = constant
+                    if turn is None:
+                        turn = self._moving(group, stage, replay, rows)
+                    found = self._in_axes(group, turn, values, rows, stage)
+                    for name, part_of in found.items():
+                        made[name][rows] = part_of
+        known = {name for name, column in made.items() if name in values}
+        return {k: v for k, v in made.items() if k in known or not np.isnan(v).all()}
+
+    def _constant(self, group: _Group, frame: FrameModel) -> Vector | None:
+        """(3, 3) M where it is the same at all times, else None."""
+        context, own = self._program.context, group.frame
+        assert own is not None
+        R = rotation.from_rpy(own.rpy)
+        if own.of == "stage":
+            return R
+        if own.of != "base":
+            return frame.rotation.T @ R if frame.kind == "tool" else None
+        axes = constant_axes(context.robot, frame, context.moving_bases.get(frame.base_name))
+        return None if axes is None else axes.T @ self._base() @ R
+
+    def _base(self) -> Vector:
+        """(3, 3) axes of the robot's base in the world."""
+        return rotation.from_rpy(self._program.context.loaded.task.robot.base.rpy)
+
+    def _moving(
+        self, group: _Group, stage: CompiledStage, replay: Replay, rows: slice
+    ) -> Vector:
+        """(k, 3, 3) M at some ticks, from the joint positions."""
+        own, frame = group.frame, stage.plan.frame
+        assert own is not None
+        if frame.tracking is not None and frame.tracking.of == "force":
+            raise InputError(
+                f"the frame of stage '{stage.name}' follows the force, which has to be recorded in "
+                f"its axes, not in those of the {own.of}"
+            )
+        try:
+            tip, axes = replay.axes(frame, rows)
+        except NotRecordedError as error:
+            raise InputError(
+                f"forces were recorded in axes of the {own.of}, and the frame of stage "
+                f"'{stage.name}' moves against these: that needs {error.column}, which was not "
+                "recorded"
+            ) from error
+        of = self._base() if own.of == "base" else tip
+        return np.asarray(axes.transpose(0, 2, 1) @ of @ rotation.from_rpy(own.rpy))
+
+    def _in_axes(
+        self,
+        group: _Group,
+        turn: Vector,
+        values: Mapping[str, Vector],
+        rows: slice,
+        stage: CompiledStage,
+    ) -> dict[str, Vector]:
+        """(k,) the parts of a vector in the axes of a stage, as far as what they need is there.
+
+        Args:
+            group: the vector.
+            turn: (3, 3) or (k, 3, 3) M.
+            values: (ticks,) as recorded.
+            rows: of them.
+            stage: for messages.
+
+        Raises:
+            InputError: one that was recorded cannot be worked out.
+        """
+        turn = np.where(np.abs(turn) < _ROUNDING, 0.0, turn)
+        lever = self._lever(group)
+        vector = group.vector(values, rows)
+        absent = ~np.array(group.present)
+        if lever.any() and group.forces is not None:
+            vector = vector - np.cross(lever, group.forces.vector(values, rows))
+            missing_forces = ~np.array(group.forces.present)
+            absent = absent | (np.abs(_skew(lever)) > _ROUNDING) @ missing_forces
+        turned = np.einsum("ij,kj->ki" if turn.ndim == 2 else "kij,kj->ki", turn, vector)
+        needs = turn.reshape(-1, 3, 3).any(axis=0)
+        found = {}
+        for i, name in enumerate(group.names):
+            lacking = needs[i] & absent
+            if name in self._known and not lacking.any():
+                found[name] = turned[:, i]
+            elif group.present[i] and name in self._known:
+                parts = [part for part, lacks in zip(group.names, lacking, strict=True) if lacks]
+                raise InputError(
+                    f"forces were recorded in axes of the {group.of}: {name} in the frame of stage "
+                    f"'{stage.name}' needs {' and '.join(parts)} too, which the map does not name"
+                )
+        return found
+
+    def _lever(self, group: _Group) -> Vector:
+        """(3,) from what recorded moments are about to the tool's tip, in the recorded axes [m]."""
+        own = group.frame
+        if own is None or group.forces is None or own.of not in ("flange", "sensor"):
+            return np.zeros(3)
+        robot = self._program.context.loaded.task.robot
+        planar = AXES[1] not in self._program.context.robot.axes
+        length = robot.tool.length
+        if length is None:
+            length = 0.0 if planar else LENGTH
+        tip = np.array([0.0, 0.0, length])
+        return np.asarray(rotation.from_rpy(own.rpy).T @ (tip - np.array(own.xyz)))
+
+
+def _skew(r: Vector) -> Vector:
+    """(3, 3) of the product r x."""
+    return np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
