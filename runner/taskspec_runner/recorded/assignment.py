@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,15 @@ from taskspec.text.units import NUMBER, TIME, Dimension, describe, fitting_text
 from taskspec_runner.errors import InputError
 from taskspec_runner.export.messages import field_of
 from taskspec_runner.record.history import STAGE
-from taskspec_runner.recorded.column_map import Columns, SignalColumn, TimeColumn, WrenchAxes
+from taskspec_runner.recorded.column_map import (
+    LINE,
+    PER_LINE,
+    Columns,
+    Offset,
+    SignalColumn,
+    TimeColumn,
+    WrenchAxes,
+)
 from taskspec_runner.recorded.sample_texts import SampleTexts
 from taskspec_runner.recorded.source import LogSource
 from taskspec_runner.recorded.stamps import Stamps
@@ -35,7 +44,18 @@ _COUNTED = ("clock", "t", STAGE)
 #: Fields of the messages of joints, by the signal of a joint.
 _JOINTS = {"position": "position", "velocity": "velocity", "torque": "effort"}
 #: Signals that have axes, as forces do, and change their sign with whoever bears them.
-_WRENCH = ("force", "torque")
+WRENCH = ("force", "torque")
+
+
+class _Taken(NamedTuple):
+    """A column that is taken for a signal; see `Assigned`."""
+
+    name: str
+    column: str
+    unit: str
+    sign: int = 1
+    scale: float = 1.0
+    frame: WrenchAxes | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +67,8 @@ class Assigned:
         column: of the log.
         unit: of the column, empty for plain numbers.
         sign, scale: by which it was multiplied.
-        offset: what was subtracted before the sign counts [SI].
         frame: axes of a force or moment; None for those of the stage's frame.
+        offset: what was subtracted before the sign counts [SI].
         stamps: when they were recorded.
         values: (n,) as recorded, one for each of the times; NaN where there is none.
     """
@@ -56,17 +76,16 @@ class Assigned:
     name: str
     column: str
     unit: str
-    sign: int = 1
-    scale: float = 1.0
-    offset: float = 0.0
-    frame: WrenchAxes | None = None
-    stamps: Stamps | None = None
-    values: Vector | None = None
+    sign: int
+    scale: float
+    frame: WrenchAxes | None
+    offset: float
+    stamps: Stamps
+    values: Vector
 
     @property
     def times(self) -> Vector:
         """(n,) [s]."""
-        assert self.stamps is not None
         return self.stamps.times
 
     def si(self, values: Vector) -> Vector:
@@ -124,7 +143,7 @@ class Assignment:
             InputError: a column is missing, its unit is unknown or does not fit, or its values are
                 no numbers.
         """
-        columns, found = self._columns, list[Assigned]()
+        columns, found = self._columns, list[_Taken]()
         for name, said in columns.map.signals.items():
             if name not in self._dimensions or name in _COUNTED:
                 if name not in columns.required:
@@ -139,7 +158,7 @@ class Assignment:
         for name in self._dimensions:
             own = next((c for c in self._own(name) if c in self._source.units), None)
             if own is not None and name not in named and name not in _COUNTED:
-                found.append(Assigned(name, own, self._stated(own, name), frame=self._axes(name)))
+                found.append(_Taken(name, own, self._stated(own, name), frame=self._axes(name)))
         if not found:
             what = "no column is that of a signal"
             if columns.map.signals:
@@ -153,30 +172,59 @@ class Assignment:
 
     def _mapped_column(self, name: str, said: SignalColumn) -> str | None:
         """The column of a signal; None where the log has none and need not have it."""
-        wanted = said.column.replace("{joint}", self._joint(name))
-        if name not in self._columns.required and not self._matching(wanted):
+        joint = self._joint(name)
+        if name not in self._columns.required and not self._matching(said.column, joint):
             return None
-        return self._column(wanted, "signals", name, "column")
+        return self._column(said.column, joint, "signals", name, "column")
 
-    def _mapped(self, name: str, column: str, said: SignalColumn) -> Assigned:
+    def _mapped(self, name: str, column: str, said: SignalColumn) -> _Taken:
         dimension = self._dimensions[name]
-        made = Assigned(name, column, "", said.sign, said.scale, frame=said.frame)
+        scale = self._scale(said.scale, "signals", name, "scale")
+        made = _Taken(name, column, "", said.sign, scale, said.frame)
         if said.frame is None:
-            made = replace(made, frame=self._axes(name))
-        elif name.partition(".")[0] not in _WRENCH:
+            made = made._replace(frame=self._axes(name))
+        elif name.partition(".")[0] not in WRENCH:
             message = f"{name} has no axes of its own; 'frame' is of forces and moments"
             raise self._columns.wrong(message, "signals", name, "frame", key=True)
         if said.unit is None:
-            return replace(made, unit=self._stated(column, name))
-        own = column_unit(said.unit).dimension
+            return made._replace(unit=self._stated(column, name))
+        unit = said.unit
+        if unit.startswith(LINE):
+            unit = self._line(unit.removeprefix(LINE), "signals", name, "unit")
+        try:
+            own = column_unit(unit).dimension
+        except ValueError:
+            message = f"the unit '{unit}' of {said.unit} is not known ({known_units()})"
+            raise self._columns.wrong(message, "signals", name, "unit") from None
         if own != dimension:
-            message = f"{name} is {describe(dimension)}, and {said.unit} is {describe(own)}"
+            message = f"{name} is {describe(dimension)}, and {unit} is {describe(own)}"
             raise self._columns.wrong(message, "signals", name, "unit")
-        return replace(made, unit=said.unit)
+        return made._replace(unit=unit)
+
+    def _scale(self, said: float | str, *path: str | int) -> float:
+        """A factor; one that stands in a line above the columns is read from there."""
+        if not isinstance(said, str):
+            return said
+        text = self._line(said.removeprefix(PER_LINE).removeprefix(LINE), *path)
+        try:
+            value = float(text)
+            return 1 / value if said.startswith(PER_LINE) else value
+        except (ValueError, ZeroDivisionError):
+            message = f"'{text}' in the line that it is read from is no factor"
+            raise self._columns.wrong(f"{self._source.path}: {message}", *path) from None
+
+    def _line(self, name: str, *path: str | int) -> str:
+        """What a line above the columns says."""
+        lines = self._source.lines
+        if name not in lines:
+            hint = suggestion(name, lines, "lines") or "it begins with the names of its columns"
+            message = f"{self._source.path} has no line '{name}' above its columns; {hint}"
+            raise self._columns.wrong(message, *path)
+        return lines[name]
 
     def _axes(self, name: str) -> WrenchAxes | None:
         """The axes that the map states for all forces and moments."""
-        return self._columns.map.frame if name.partition(".")[0] in _WRENCH else None
+        return self._columns.map.frame if name.partition(".")[0] in WRENCH else None
 
     def _joint(self, name: str) -> str:
         """What the robot calls the joint of a signal such as `joint.2.position`."""
@@ -185,25 +233,34 @@ class Assignment:
         known = head == "joint" and number.isdigit() and 0 < int(number) <= len(self._joints)
         return self._joints[int(number) - 1] if known else ""
 
-    def _matching(self, name: str) -> list[str]:
+    def _matching(self, wanted: str, joint: str = "") -> list[str]:
         """The columns of the log that a name may mean.
 
         With or without a unit behind it; with the index of an array, or the way to a field, in
         another spelling: `q[2]`, `q.2` and `q_2`, `/wrench.force.z` and `/wrench/force/z`.
+
+        Args:
+            wanted: the name, or several with | between them.
+            joint: what the robot calls the joint that it is of.
         """
         known = self._source.units
-        if name in known:
-            return [name]
-        bare = name.rpartition("[")[0].strip()
-        if bare in known and not name.rpartition("[")[2].rstrip("]").isdigit():
-            return [bare]
-        parts = (re.escape(part) for part in _spelled(name).split("*"))
-        pattern = re.compile(".*".join(parts), re.DOTALL)
-        return [each for each in known if pattern.fullmatch(_spelled(each))]
+        if wanted in known:
+            return [wanted]
+        for name in wanted.split(" | "):
+            bare, _, behind = name.rpartition("[")
+            if name in known:
+                return [name]
+            if bare.strip() in known and not behind.rstrip("]").isdigit():
+                return [bare.strip()]
+            pattern = _pattern(name, joint)
+            found = [each for each in known if pattern.fullmatch(_spelled(each))]
+            if found:
+                return found
+        return []
 
-    def _column(self, name: str, *path: str | int) -> str:
+    def _column(self, name: str, joint: str, *path: str | int) -> str:
         """A column of the log by its name."""
-        found = self._matching(name)
+        found = self._matching(name, joint)
         if len(found) == 1:
             return found[0]
         if found:
@@ -244,7 +301,7 @@ class Assignment:
             )
         return unit
 
-    def _assigned(self, named: Assigned, values: Vector) -> Assigned:
+    def _assigned(self, named: _Taken, values: Vector) -> Assigned:
         """A signal with its samples."""
         name, column = named.name, named.column
         infinite = np.isinf(values)
@@ -254,17 +311,16 @@ class Assignment:
         if np.isnan(values).all() and name in self._columns.map.signals:
             raise InputError(f"{self._source.path}: column '{column}' has no value")
         stamps = self.stamps(column)
-        made = replace(named, stamps=stamps, values=stamps.one_each(values))
+        made = Assigned(*named, 0.0, stamps, stamps.one_each(values))
         said = self._columns.map.signals.get(name)
         if said is not None and said.offset is not None:
-            made = replace(made, offset=self._offset(made, said))
-        mirrored = self._mirrored and name.partition(".")[0] in _WRENCH
+            made = replace(made, offset=self._offset(made, said.offset))
+        mirrored = self._mirrored and name.partition(".")[0] in WRENCH
         return replace(made, sign=-made.sign) if mirrored else made
 
-    def _offset(self, signal: Assigned, said: SignalColumn) -> float:
+    def _offset(self, signal: Assigned, offset: Offset) -> float:
         """What is to be subtracted from a signal before its sign counts [SI]."""
-        offset, name = said.offset, signal.name
-        assert offset is not None and signal.values is not None
+        name = signal.name
         if offset.first is not None:
             count = int(np.searchsorted(signal.times, signal.times[0] + offset.first, "right"))
             rest = np.array(signal.values[:count])
@@ -278,7 +334,7 @@ class Assignment:
         if own != dimension and not (offset.value == 0 and not offset.unit):
             message = f"{name} is {describe(dimension)}, and its offset is {describe(own)}"
             if own == NUMBER:
-                message = f"{message}; write offset: {offset.value:g} {said.unit or signal.unit}"
+                message = f"{message}; write offset: {offset.value:g} {signal.unit}"
             raise self._columns.wrong(message, "signals", name, "offset")
         return float(in_si(np.array([offset.value]), offset.unit)[0])
 
@@ -287,7 +343,7 @@ class Assignment:
         column = next((c for c in self._own("t") if c in self._source.units), None)
         if column is None or not self._source.units[column]:
             return None
-        named = Assigned("t", column, self._stated(column, "t"))
+        named = _Taken("t", column, self._stated(column, "t"))
         return self._assigned(named, self._source.numbers([column])[column])
 
     def stamps(self, column: str) -> Stamps:
@@ -318,7 +374,7 @@ class Assignment:
         """(n,) times of the rows of a table, since the first one [s]."""
         columns: tuple[str, ...]
         if said.column is not None:
-            columns = tuple(self._column(name, "time", "column") for name in said.column)
+            columns = tuple(self._column(name, "", "time", "column") for name in said.column)
         else:
             known = (names for names in _TIMES if all(n in self._source.units for n in names))
             columns = next(known, ())
@@ -336,8 +392,8 @@ class Assignment:
             if own != TIME:
                 message = f"a time is needed here, and {units[0]} is {describe(own)}"
                 raise self._columns.wrong(message, "time", "unit")
-        read = self._source.numbers([*columns])
-        times: Vector | float = 0.0
+        read, scale = self._source.numbers([*columns]), self._scale(said.scale, "time", "scale")
+        times: Vector | None = None
         for column, unit in zip(columns, units, strict=True):
             values = read[column]
             finite = np.isfinite(values)
@@ -345,10 +401,13 @@ class Assignment:
                 place = self._source.place(column, int(np.argmin(finite)))
                 raise InputError(f"{self._source.path}: there is no time in {place}")
             # The difference first: of a time since 1970 as it is, a double has too few digits.
-            first = np.array([values[0]]) if len(values) else np.zeros(1)
-            times = in_si(values - first, unit) + times
-            self.origin += float(in_si(first, unit)[0])
-        return np.asanyarray(times)
+            first = np.array(values[:1])
+            since = in_si(values - first if first.any() else values, unit)
+            since = since * scale if scale != 1 else since
+            times = since if times is None else times + since
+            self.origin += float(in_si(first, unit).sum()) * scale
+        assert times is not None
+        return times
 
     def place(self, column: str, row: int) -> str:
         """Where a sample stands, in words; of several with one stamp the first."""
@@ -362,7 +421,7 @@ class Assignment:
         """
         said = self._columns.map.stage
         if said is not None:
-            column, names = self._column(said.column, "stage", "column"), said.names
+            column, names = self._column(said.column, "", "stage", "column"), said.names
         elif self._columns.map.stages is None:
             column = next((c for c in (STAGE, "/signals.stage") if c in self._source.units), "")
             names = {}
@@ -382,7 +441,23 @@ class Assignment:
         head, _, rest = name.partition(".")
         number, _, of = rest.partition(".")
         if head == "joint" and of in _JOINTS:
-            yield f"/joint_states.{_JOINTS[of]}[{self._joint(name)}]"
+            field = f"/joint_states.{_JOINTS[of]}"
+            yield f"{field}[{self._joint(name)}]"
+            # Their order is that of the sender; without names it has to be the robot's.
+            if "/joint_states.name[0]" not in self._source.units:
+                yield f"{field}[{int(number) - 1}]"
+
+
+def _pattern(name: str, joint: str) -> re.Pattern[str]:
+    """What the columns are spelled like that a name with * and {joint} means.
+
+    Robots' files and drivers differ in how they spell a joint: `wrist1`, `ur5e_wrist_1_joint`.
+    """
+    words = re.findall(r"[a-z]+|\d+", joint.lower().removesuffix("_joint"))
+    spelled = rf"(?:[A-Za-z0-9]+_)?{'_?'.join(words)}(?:_joint)?" if words else r"(?!)"
+    parts = re.split(r"(\*|\{joint\})", _spelled(name.replace("[{joint}]", ".{joint}")))
+    known = {"*": ".*", "{joint}": spelled}
+    return re.compile("".join(known.get(part, re.escape(part)) for part in parts), re.DOTALL)
 
 
 def _spelled(name: str) -> str:

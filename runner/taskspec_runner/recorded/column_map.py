@@ -40,6 +40,8 @@ _ELSEWHERE_IN_THE_MAP = {
     key: f"'{key}' stands at the top of the map, beside 'signals'"
     for key in ("repeated", "gap", "rate", "stage", "stages")
 }
+#: What stands before the name of a line above the columns, which has a unit or a factor.
+LINE, PER_LINE = "line ", "1/line "
 #: How several samples with the same stamp become one.
 REPEATED = ("last", "first", "mean")
 
@@ -84,6 +86,8 @@ class _UnitName(FieldType):
 
     def read(self, value: object, context: ParseContext) -> str:
         text = value.node.value if isinstance(value, Text | Whole) else ""
+        if text.startswith(LINE):
+            return text
         try:
             column_unit(text)
         except ValueError:
@@ -101,6 +105,26 @@ def _unit_hint(text: str) -> str:
     if text.lower() in ("count", "counts", "raw", "digit", "digits", "lsb"):
         return "name the unit that they are of, and what one of them is in it: unit: N, scale: 1e-6"
     return unknown_unit(text)
+
+
+@dataclass(frozen=True)
+class _Scale(FieldType):
+    """A factor, or `1/line NAME`, `line NAME` for the number of a line above the columns."""
+
+    def read(self, value: object, context: ParseContext) -> float | str:
+        if isinstance(value, Text) and value.startswith((LINE, PER_LINE)):
+            return str(value)
+        found = Constant(NUMBER).read(value, context)
+        if (
+            found == 0
+            and isinstance(value, Text | Whole | Real)
+            and not context.diagnostics.has_errors
+        ):
+            context.error("TS118", "a scale of 0 leaves nothing", span_of(value))
+        return found
+
+    def json(self) -> dict[str, Any]:
+        return {"type": ["number", "string"], "description": "A factor, such as 1e-6 or 1/7000"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +148,7 @@ class _Offset(FieldType):
 
     def read(self, value: object, context: ParseContext) -> Offset:
         if isinstance(value, Map) and [*value] == ["first"]:
-            return Offset(first=Constant(TIME, above=0).read(value["first"], context))
+            return Offset(first=float(Constant(TIME, above=0).read(value["first"], context)))
         text = value.node.value.strip() if isinstance(value, Text | Whole | Real) else ""
         head, _, rest = text.partition(" ")
         if head == "first":
@@ -209,9 +233,9 @@ class WrenchAxes(Model):
     noun = "a frame of a wrench"
     example = "frame: base, or frame: {of: flange, rpy: [0, 0, 45 deg]}"
     short: ClassVar = {"enum": [*AXES_OF]}
-    of: Annotated[
-        Literal["stage", "base", "tool", "flange", "sensor"], Word(AXES_OF, "axes")
-    ] = Field("stage", title="Whose axes")
+    of: Annotated[Literal["stage", "base", "tool", "flange", "sensor"], Word(AXES_OF, "axes")] = (
+        Field("stage", title="Whose axes")
+    )
     rpy: RPY = Field((0.0, 0.0, 0.0), title="How the recorded axes are turned against these")
     xyz: XYZ = Field((0.0, 0.0, 0.0), title="Origin of the sensor in the axes of the flange")
 
@@ -233,7 +257,8 @@ class SignalColumn(Model):
 
     Attributes:
         column: its name in the log, in which * stands for any text and {joint} for the name that
-            the robot has for the joint of the signal.
+            the robot has for the joint of the signal; several with | between them, of which the
+            first counts that the log has.
         unit: of its values; None for the one that the log states.
         sign: -1 for a column of the opposite sign.
         scale: factor from what is recorded to the unit: raw counts.
@@ -248,7 +273,7 @@ class SignalColumn(Model):
     column: Annotated[str, _Column()] = Field(title="Name in the log")
     unit: Annotated[str, _UnitName()] | None = Field(None, title="Unit of its values")
     sign: Annotated[int, _Sign()] = Field(1, title="-1 for a column of the opposite sign")
-    scale: Annotated[float, Constant(NUMBER)] = Field(
+    scale: Annotated[float | str, _Scale()] = Field(
         1.0, title="Factor", description="From what is recorded, such as counts, to the unit"
     )
     offset: Annotated[Offset, _Offset()] | None = Field(None, title="What is subtracted")
@@ -259,13 +284,6 @@ class SignalColumn(Model):
         """`Fz` is short for `{column: Fz}`."""
         return short_form(data, "column")
 
-    @classmethod
-    def rules(cls, data: Map, context: ParseContext) -> None:
-        """A factor of nothing leaves nothing."""
-        scale = data.get("scale")
-        if isinstance(scale, Whole | Real) and not scale:
-            context.error("TS118", "a scale of 0 leaves nothing", span_of(scale))
-
 
 class TimeColumn(Model):
     """The column that holds the time.
@@ -274,6 +292,7 @@ class TimeColumn(Model):
         column: its name, or those of seconds and nanoseconds; None for the time of the messages of
             an MCAP log. Of messages they are fields of each, such as `header.stamp.sec`.
         unit: of its values; None for the one that the log states.
+        scale: factor from what is recorded to the unit, as of a counter.
         start: time of the log at which the task began, as the column counts [s]; None for its
             first sample.
     """
@@ -284,6 +303,9 @@ class TimeColumn(Model):
     advice: ClassVar = _ELSEWHERE_IN_THE_MAP
     column: Annotated[tuple[str, ...], _TimeColumns()] | None = Field(None, title="Name in the log")
     unit: Annotated[str, _UnitName()] | None = Field(None, title="Unit of its values")
+    scale: Annotated[float | str, _Scale()] = Field(
+        1.0, title="Factor", description="From what is recorded, such as a counter, to the unit"
+    )
     start: Annotated[float, Constant(TIME)] | None = Field(None, title="When the task began")
 
     @classmethod
@@ -428,7 +450,6 @@ class Columns:
         if self._root is None:
             return InputError(message)
         return InputError(f"{_place(self.name, nodes.place(self._root, path, key=key))}: {message}")
-
 
     def including(self, ready: Columns) -> Columns:
         """This map with what it does not say itself taken from a ready one."""

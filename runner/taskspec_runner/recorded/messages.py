@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ class MessageLog:
     """The columns of an MCAP file, such as `/wrench.wrench.force.z`."""
 
     timed, form = True, "MCAP"
+    lines: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, path: Path, topics: Mapping[str, _Topic], units: Mapping[str, str]) -> None:
         """Takes the topics of a file and the units of their fields, by topic and field."""

@@ -133,7 +133,6 @@ class _Reading:
         found: dict[int, dict[str, Any]] = {}
         for each in signals:
             stamps = each.stamps
-            assert stamps is not None
             if id(stamps) not in found:
                 rate = 1 / float(np.median(np.diff(stamps.times)))
                 of = each.column.partition(".")[0] if self._source.timed else ""
@@ -283,9 +282,8 @@ class _Reading:
                 raise self._columns.wrong(message, "stages", number, "at")
         if times[0] > NEAR * self._period:
             clock = f", or {begin:.12g} s as its clock counts" if begin else ""
-            message = (
-                f"the first stage begins with the log, at 0 s{clock}; time.start leaves out the rest"
-            )
+            rest = "time.start leaves out the rest"
+            message = f"the first stage begins with the log, at 0 s{clock}; {rest}"
             raise self._columns.wrong(message, "stages", 0, "at")
         firsts = [int(np.ceil(time / self._period - NEAR)) for time in times]
         for number, first in enumerate(firsts):

@@ -27,7 +27,7 @@ from taskspec_runner.runs import ROWS
 Vector = NDArray[np.float64]
 
 _UNIT = re.compile(r"\A(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*\Z")
-#: What parts the columns of a text, in the order of preference; the last stands for any white space.
+#: What parts the columns of a text, in the order of preference; the last is any white space.
 _SEPARATORS = ("\t", ";", ",", " ")
 #: Lines from which separator and header are found, and bytes that these may have.
 _FIRST_LINES, _LONGEST_HEADER = 200, 1 << 20
@@ -44,6 +44,7 @@ class LogSource(Protocol):
         path: of the file.
         form: of it, in a word.
         units: columns, and the unit that the file states of each; empty where it states none.
+        lines: what a text says above its columns, by the word that each line begins with.
         timed: whether each column has times of its own, as messages have; a message holds until
             the next one.
     """
@@ -51,6 +52,7 @@ class LogSource(Protocol):
     path: Path
     form: str
     units: Mapping[str, str]
+    lines: Mapping[str, str]
     timed: bool
 
     def numbers(self, names: Sequence[str]) -> dict[str, Vector]:
@@ -92,7 +94,13 @@ class LogTable:
     timed = False
 
     def __init__(
-        self, path: Path, form: str, units: Mapping[str, str], batches: Batches, first: int
+        self,
+        path: Path,
+        form: str,
+        units: Mapping[str, str],
+        batches: Batches,
+        first: int,
+        lines: Mapping[str, str],
     ) -> None:
         """Takes a table.
 
@@ -102,8 +110,9 @@ class LogTable:
             units: columns by their names, without units, and the units that it states.
             batches: reads some of the columns.
             first: number of the first row for a reader; 2 where a header stands before it.
+            lines: see `LogSource`.
         """
-        self.path, self.form, self.units = path, form, units
+        self.path, self.form, self.units, self.lines = path, form, units, lines
         self._batches, self._first = batches, first
 
     def numbers(self, names: Sequence[str]) -> dict[str, Vector]:
@@ -147,7 +156,7 @@ class LogTable:
             found.add(_texts(batch.column(name)))
         return found.words(f"{self.path}: column '{name}'")
 
-    def times(self, name: str, stamp: Sequence[str]) -> None:  # noqa: ARG002
+    def times(self, name: str, stamp: Sequence[str]) -> None:
         """None: a table has a column for the time."""
 
     def place(self, name: str, row: int) -> str:  # noqa: ARG002
@@ -211,7 +220,9 @@ def read_csv(path: Path, header: int | None = None) -> LogTable:
     if end <= start:
         raise InputError(f"cannot read {path}: it holds no whole sample")
     rows = _CsvRows(path, separator, len(names), start, end)
-    return _table(path, "CSV", names, [""] * len(names), rows.batches, at + 2)
+    above = (_cells(line, separator) for line in lines[:at])
+    stated = {cells[0].rstrip(" :"): cells[1] for cells in above if len(cells) > 1}
+    return _table(path, "CSV", names, [""] * len(names), rows.batches, at + 2, stated)
 
 
 def _header(lines: Sequence[str], stated: int | None) -> tuple[int, str]:
@@ -349,7 +360,7 @@ def read_parquet(path: Path) -> LogTable:
 
     if not rows:
         raise InputError(f"cannot read {path}: it holds no sample")
-    return _table(path, "Parquet", names, units, batches, 1)
+    return _table(path, "Parquet", names, units, batches, 1, {})
 
 
 @contextmanager
@@ -370,11 +381,12 @@ def _table(
     units: Sequence[str],
     batches: Callable[[Sequence[int]], Iterator[pa.RecordBatch]],
     first: int,
+    lines: Mapping[str, str],
 ) -> LogTable:
     """A table whose columns are called without the units that stand behind their names.
 
     Args:
-        path, form, first: see `LogTable`.
+        path, form, first, lines: see `LogTable`.
         names: of the columns, with or without units.
         units: that stand elsewhere.
         batches: reads some columns, by their numbers.
@@ -391,7 +403,7 @@ def _table(
         for batch in batches([bare.index(name) for name in wanted]):
             yield batch.rename_columns(list(wanted))
 
-    return LogTable(path, form, dict(zip(bare, stated, strict=True)), read, first)
+    return LogTable(path, form, dict(zip(bare, stated, strict=True)), read, first, lines)
 
 
 def named(text: str) -> tuple[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +84,7 @@ class Stamps:
         with np.errstate(invalid="ignore"):
             return in_file(np.asarray(total / np.where(count > 0, count, np.nan)))
 
-    def chosen(self, values: NDArray[np.generic]) -> NDArray[np.generic]:
+    def chosen(self, values: NDArray[Any]) -> NDArray[Any]:
         """(m,) the first or the last value of each time; of what has no mean, the last."""
         if self._first is None:
             return values

@@ -90,9 +90,7 @@ class Ticks:
         return made
 
 
-def check_rate(
-    stamps: Stamps, period: float, gap: float, rate: float | None, what: str
-) -> None:
+def check_rate(stamps: Stamps, period: float, gap: float, rate: float | None, what: str) -> None:
     """Finds out whether the samples of a log make up the ticks of a task.
 
     Args:

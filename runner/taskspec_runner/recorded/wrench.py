@@ -176,9 +176,7 @@ class WrenchTurn:
         """(3, 3) axes of the robot's base in the world."""
         return rotation.from_rpy(self._program.context.loaded.task.robot.base.rpy)
 
-    def _moving(
-        self, group: _Group, stage: CompiledStage, replay: Replay, rows: slice
-    ) -> Vector:
+    def _moving(self, group: _Group, stage: CompiledStage, replay: Replay, rows: slice) -> Vector:
         """(k, 3, 3) M at some ticks, from the joint positions."""
         own, frame = group.frame, stage.plan.frame
         assert own is not None
@@ -227,7 +225,7 @@ class WrenchTurn:
             missing_forces = ~np.array(group.forces.present)
             absent = absent | (np.abs(_skew(lever)) > _ROUNDING) @ missing_forces
         turned = np.einsum("ij,kj->ki" if turn.ndim == 2 else "kij,kj->ki", turn, vector)
-        needs = turn.reshape(-1, 3, 3).any(axis=0)
+        needs = np.any(turn.reshape(-1, 3, 3), axis=0)
         found = {}
         for i, name in enumerate(group.names):
             lacking = needs[i] & absent
