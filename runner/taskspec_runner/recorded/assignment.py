@@ -338,6 +338,15 @@ class Assignment:
             raise self._columns.wrong(message, "signals", name, "offset")
         return float(in_si(np.array([offset.value]), offset.unit)[0])
 
+    def numbers(self, names: Sequence[str]) -> list[Vector] | None:
+        """(n,) values of columns as recorded; None where the log lacks one of them."""
+        found = [self._matching(name) for name in names]
+        if any(len(each) != 1 for each in found):
+            return None
+        columns = [each[0] for each in found]
+        values = self._source.numbers(columns)
+        return [values[column] for column in columns]
+
     def since(self) -> Assigned | None:
         """What a run's own log has of the time since a stage began; None where it has none."""
         column = next((c for c in self._own("t") if c in self._source.units), None)

@@ -62,22 +62,32 @@ class _Column(FieldType):
 
 
 @dataclass(frozen=True)
-class _TimeColumns(FieldType):
-    """The name of a column of time, or of two: whole seconds, and nanoseconds beside them."""
+class _Pair(FieldType):
+    """The names of two columns."""
 
     def read(self, value: object, context: ParseContext) -> tuple[str, ...]:
         if isinstance(value, Items) and len(value) == 2:
             return tuple(_Column().read(each, context) for each in value)
+        message = f"two columns are needed here, this is {kind_of(value)}"
+        context.error("TS023", message, span_of(value), "such as [stamp.sec, stamp.nanosec]")
+        return ()
+
+    def json(self) -> dict[str, Any]:
+        return {"type": "array", "items": _Column().json(), "minItems": 2, "maxItems": 2}
+
+
+@dataclass(frozen=True)
+class _TimeColumns(FieldType):
+    """The name of a column of time, or of two: whole seconds, and nanoseconds beside them."""
+
+    def read(self, value: object, context: ParseContext) -> tuple[str, ...]:
         if isinstance(value, Items):
-            message = "a stamp has two columns: seconds and nanoseconds"
-            context.error("TS023", message, span_of(value), "such as [stamp.sec, stamp.nanosec]")
-            return ()
+            return _Pair().read(value, context)
         return (_Column().read(value, context),)
 
     def json(self) -> dict[str, Any]:
-        name = _Column().json()
-        pair = {"type": "array", "items": name, "minItems": 2, "maxItems": 2}
-        return {"anyOf": [name, pair | {"description": "Seconds, and nanoseconds beside them"}]}
+        described = "Seconds, and nanoseconds beside them"
+        return {"anyOf": [_Column().json(), _Pair().json() | {"description": described}]}
 
 
 @dataclass(frozen=True)
@@ -228,6 +238,9 @@ class WrenchAxes(Model):
             sensor are about its origin, all others about the tool's tip.
         rpy: how the recorded axes are turned against these [rad].
         xyz: where the origin of a sensor is from the flange, in the axes of the flange [m].
+        tip: columns of x and y of the tool's tip in axes of a controller's base [m]. Where a log
+            has them beside the joint positions, they show whether that base is turned by half a
+            turn about z against the robot's, as those of some controllers are.
     """
 
     noun = "a frame of a wrench"
@@ -238,6 +251,9 @@ class WrenchAxes(Model):
     )
     rpy: RPY = Field((0.0, 0.0, 0.0), title="How the recorded axes are turned against these")
     xyz: XYZ = Field((0.0, 0.0, 0.0), title="Origin of the sensor in the axes of the flange")
+    tip: Annotated[tuple[str, ...], _Pair()] | None = Field(
+        None, title="Columns of the tip's x and y in axes of the controller's base"
+    )
 
     @classmethod
     def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
@@ -246,7 +262,10 @@ class WrenchAxes(Model):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """A sensor alone has a place."""
+        """A sensor alone has a place, and a base a tip."""
+        if "tip" in data and data.get("of") != "base":
+            message = "'tip' shows how a controller's base is turned"
+            context.error("TS026", message, data.node.key_span("tip"), "add of: base")
         if "xyz" in data and data.get("of") not in ("sensor", "flange"):
             message = "'xyz' is where a sensor is: moments in other axes are about the tool's tip"
             context.error("TS026", message, data.node.key_span("xyz"), "add of: sensor")
@@ -314,7 +333,7 @@ class TimeColumn(Model):
         if not isinstance(data, Items):
             return short_form(data, "column")
         full = Map({"column": data})
-        full.node = nodes.Mapping(data.node.span, flow=True, entries={"column": (data.node,) * 2})
+        full.node = nodes.Mapping(data.node.span, flow=True)
         return full
 
     @classmethod

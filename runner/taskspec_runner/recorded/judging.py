@@ -119,7 +119,7 @@ def _summary(
     outcome = _outcome(program, recording, visits)
     simulated = Simulated(outcome, _transitions(program, visits, outcome), {})
     summary = summarise(program, simulated, history, judged, true_world(program.context))
-    names = ("log", "form", "clocks", "as_measured", "not_recorded", "stages", "gap")
+    names = ("log", "form", "clocks", "as_measured", "not_recorded", "stages", "gap", "base_turned")
     said = {name: recording.facts[name] for name in names} | {"mirrored": [*mirrored]}
     return summary | {"seed": None, "torque_step": None, "recorded": said}
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -86,12 +87,16 @@ class MessageLog:
             InputError: the messages have no such stamp.
         """
         topic, field = self._field(name)
+        if not stamp:
+            return topic.times(field, ())
         if len(stamp) == 1:
-            heads = [key for key in topic.numbers if key.startswith(f"{stamp[0]}.")]
-            stamp = sorted(heads, key=len)[:2]
-        if any(key not in topic.numbers for key in stamp) or len(stamp) == 1:
-            raise InputError(f"{self.path}: messages of {name} have no stamp of that name")
-        return topic.times(field, tuple(stamp))
+            # `header.stamp` is its seconds and its nanoseconds, the shorter name first.
+            parts = [key for key in topic.numbers if key.startswith(f"{stamp[0]}.")]
+            stamp = sorted(parts, key=len)
+        if len(stamp) != 2 or any(key not in topic.numbers for key in stamp):
+            topic_name = name.removesuffix(f".{field}")
+            raise InputError(f"{self.path}: messages of {topic_name} have no stamp of that name")
+        return topic.times(field, (stamp[0], stamp[1]))
 
     def place(self, name: str, row: int) -> str:
         """The number of a message."""
@@ -242,10 +247,12 @@ def _decoder(schema: Any, channel: Any) -> Decoder | None:
     package, _, kind = schema.name.replace("/msg/", "/").partition("/")
     name = f"{package}/msg/{kind}"
     if schema.encoding == "ros2msg":
-        known = typesys.get_types_from_msg(text, name)
+        store.register(typesys.get_types_from_msg(text, name))
     else:
-        known = typesys.get_types_from_idl(text)
-    store.register(known)
+        known: dict[str, Any] = {}
+        for part in re.split(r"^=+\s*^IDL: .*$", text, flags=re.M):
+            known |= typesys.get_types_from_idl(part) if part.strip() else {}
+        store.register(known)
     return lambda data: store.deserialize_cdr(data, name)
 
 

@@ -90,7 +90,7 @@ class _Reading:
         start, ticks = self._ticks(signals, staged)
         assigned = {each.name: each.as_data() for each in signals}
         clocks = self._clocks(signals)
-        turn = WrenchTurn(self._program, signals, [*self._units])
+        turn = WrenchTurn(self._program, signals, [*self._units], self._assignment.numbers)
         values = {each.name: self._at(each, start, ticks) for each in signals}
         # As recorded they are needed no more.
         del signals
@@ -125,6 +125,7 @@ class _Reading:
             "stages": found_by,
             "start": self._assignment.origin + start,
             "gap": self._gap,
+            "base_turned": turn.half_turn,
         }
         return ForeignLog(history, ended, facts)
 

@@ -8,10 +8,11 @@ the recording in that part; r is from the point that recorded moments are about 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.geometry import rotation
@@ -32,6 +33,8 @@ Vector = NDArray[np.float64]
 _PARTS = (("force", ("x", "y", "z")), ("torque", ("rx", "ry", "rz")))
 #: Entries of a rotation below this are rounding.
 _ROUNDING = 1e-12
+#: Samples at which the tip is compared with the joints, and the least cosine between both.
+_COMPARED, _SAME_DIRECTION = 20, 0.8
 
 
 class _Group:
@@ -73,15 +76,23 @@ class WrenchTurn:
 
     Attributes:
         needed: whether anything was recorded in other axes.
+        half_turn: whether the controller's base was found to be turned against the robot's.
     """
 
-    def __init__(self, program: Program, signals: Sequence[Assigned], known: Sequence[str]) -> None:
+    def __init__(
+        self,
+        program: Program,
+        signals: Sequence[Assigned],
+        known: Sequence[str],
+        columns: Callable[[Sequence[str]], list[Vector] | None],
+    ) -> None:
         """Takes what was recorded.
 
         Args:
             program: of the task.
             signals: of the log.
             known: every signal that a log of the task may have.
+            columns: gives columns of the log by their names, as they are.
 
         Raises:
             InputError: parts of a vector have different axes, or a part is missing.
@@ -100,6 +111,9 @@ class WrenchTurn:
         self.needed = bool(self._groups)
         #: The columns in axes that do not move, by M.
         self._turned: dict[bytes, dict[str, Vector]] = {}
+        tips = {group.frame.tip for group in self._groups if group.frame is not None}
+        tip = next((columns(each) for each in tips if each is not None), None)
+        self.half_turn = tip is not None and self._is_turned(recorded, tip)
 
     def in_stage(self, stage: CompiledStage, values: Mapping[str, Vector]) -> dict[str, Vector]:
         """Columns (ticks,) in the axes of a stage's frame, as far as these do not move.
@@ -173,8 +187,44 @@ class WrenchTurn:
         return None if axes is None else axes.T @ self._base() @ R
 
     def _base(self) -> Vector:
-        """(3, 3) axes of the robot's base in the world."""
-        return rotation.from_rpy(self._program.context.loaded.task.robot.base.rpy)
+        """(3, 3) axes of the base in which forces were recorded, in the world."""
+        axes = rotation.from_rpy(self._program.context.loaded.task.robot.base.rpy)
+        return axes @ np.diag([-1.0, -1.0, 1.0]) if self.half_turn else axes
+
+    def _is_turned(self, recorded: Mapping[str, Assigned], tip: Sequence[Vector]) -> bool:
+        """Whether the recorded tip lies opposite to where the joints have it.
+
+        Args:
+            recorded: signals of the log.
+            tip: (n,) its x and y in axes of the controller's base [m].
+
+        Raises:
+            InputError: it lies neither there nor where they have it.
+        """
+        robot, base = self._program.context.robot, self._program.context.loaded.task.robot.base
+        names = [f"joint.{i + 1}.position" for i in range(robot.pin.nv)]
+        if any(n not in recorded or len(recorded[n].values) != len(tip[0]) for n in names):
+            return False
+        rows = np.unique(np.linspace(0, len(tip[0]) - 1, _COMPARED).astype(int))
+        q = np.array([recorded[n].si(np.array(recorded[n].values[rows])) for n in names]).T
+        data, along = robot.pin.createData(), 0.0
+        for row, joints in zip(rows, q, strict=True):
+            pin.forwardKinematics(robot.pin, data, joints)
+            world = (data.oMi[robot.tip_joint] * robot.tip).translation - np.array(base.xyz)
+            own = (rotation.from_rpy(base.rpy).T @ world)[:2]
+            there = np.array([tip[0][row], tip[1][row]])
+            along += float(own @ there) / max(
+                float(np.linalg.norm(own) * np.linalg.norm(there)), 1e-9
+            )
+        along /= len(rows)
+        # Tools of another length leave the direction nearly as it is.
+        if np.isnan(along) or abs(along) < _SAME_DIRECTION:
+            raise InputError(
+                "the recorded position of the tip is not where the recorded joint positions have "
+                "it, with the base as it is nor with half a turn; leave 'tip' out of 'frame' and "
+                "state how the axes are turned by 'rpy'"
+            )
+        return along < 0
 
     def _moving(self, group: _Group, stage: CompiledStage, replay: Replay, rows: slice) -> Vector:
         """(k, 3, 3) M at some ticks, from the joint positions."""
@@ -191,7 +241,8 @@ class WrenchTurn:
             raise InputError(
                 f"forces were recorded in axes of the {own.of}, and the frame of stage "
                 f"'{stage.name}' moves against these: that needs {error.column}, which was not "
-                "recorded"
+                "recorded. Where the tool keeps its orientation, state how its axes are turned "
+                "against that frame: frame: {rpy: [180 deg, 0, 0]}"
             ) from error
         of = self._base() if own.of == "base" else tip
         return np.asarray(axes.transpose(0, 2, 1) @ of @ rotation.from_rpy(own.rpy))

@@ -43,6 +43,8 @@ def facts(run: Run) -> Iterator[tuple[str, str]]:
         "Resampled",
         f"to {1e3 * run.period:.4g} ms, linearly; gaps up to {1e3 * gap:.4g} ms are bridged",
     )
+    if said.get("base_turned"):
+        yield "Base", "turned by half a turn about z, as the recorded tip and joints show"
     yield "Stages", _STAGES.get(str(said.get("stages")), "")
     yield "Duration", f"{run.end if duration is None else duration:.3f} s"
 
