@@ -221,9 +221,12 @@ def test_press_is_met_for_the_same_share_in_every_form(tmp_path: Path, form: str
     assert share(tmp_path) == pytest.approx(87.9, abs=1.0)
 
 
-@pytest.mark.parametrize("said", ["frame: base\n", "frame: {rpy: [0, -20 deg, 0]}\n", "column", ""])
+TURNS = ("frame: base\n", "frame: {rpy: [0, -20 deg, 0]}\n", "column", "")
+
+
+@pytest.mark.parametrize("said", TURNS)
 def test_force_in_axes_of_the_base_on_a_tilted_panel(tmp_path: Path, said: str) -> None:
-    """10 N along a normal that leans by 20 degrees: only its own axes make a press of 10 N of it."""
+    """10 N along a normal that leans by 20 degrees: along it alone there are 10 N."""
     normal = np.array([np.sin(np.radians(20)), 0.0, np.cos(np.radians(20))])
     parts = [texts(reaction() * part) for part in normal]
     lines(tmp_path / "log.csv", "timestamp,Fx,Fy,Fz", texts(T, 3), *parts)

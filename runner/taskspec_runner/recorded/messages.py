@@ -42,6 +42,8 @@ _SI = {
 }
 #: Numbers that one list may bring as columns; a longer one is a picture or a point cloud.
 _LONGEST_LIST = 64
+#: What a message is made of beside messages and nothing.
+_SINGLE, _LISTS = (float, int, str), (list, np.ndarray)
 #: Messages of a topic that are in memory at a time.
 _MESSAGES = 1 << 12
 
@@ -146,7 +148,9 @@ class _Topic:
             self.first = stamp
         row = len(self._waiting_stamps)
         self._waiting_stamps.append(stamp)
-        for name, value in _leaves(self._decode(data), ""):
+        leaves: dict[str, Any] = {}
+        _leaves(self._decode(data), "", leaves)
+        for name, value in leaves.items():
             values, rows = self._waiting.setdefault(name, ([], []))
             values.append(value)
             rows.append(row)
@@ -200,36 +204,36 @@ def _number(value: object) -> float:
     return float(value)  # type: ignore[arg-type]
 
 
-def _leaves(value: Any, path: str) -> Iterator[tuple[str, Any]]:
-    """The numbers and texts of a message by the way to them, such as `wrench.force.z`.
+def _leaves(value: Any, path: str, into: dict[str, Any]) -> None:
+    """Puts the numbers and texts of a message into a mapping, by the way to them.
 
-    Fields of a joint state are also there by the names of the joints, as `position[elbow]`: their
-    order is that of whoever sent the message.
+    That is `wrench.force.z`. Fields of a joint state are there by the names of the joints too, as
+    `position[elbow]`: their order is that of whoever sent the message.
     """
-    if isinstance(value, str | bool | int | float):
-        yield path, value
-    elif isinstance(value, Mapping):
-        for key, part in value.items():
-            yield from _leaves(part, f"{path}.{key}" if path else str(key))
-        yield from _by_joint(value, path)
-    elif isinstance(value, Sequence | np.ndarray) and not isinstance(value, bytes):
+    if isinstance(value, _SINGLE):
+        into[path] = value
+    elif isinstance(value, _LISTS):
         if len(value) <= _LONGEST_LIST:
             parts = value.tolist() if isinstance(value, np.ndarray) else value
             for i, part in enumerate(parts):
-                yield from _leaves(part, f"{path}[{i}]")
-    elif hasattr(value, "__dict__"):
-        yield from _leaves(vars(value), path)
+                _leaves(part, f"{path}[{i}]", into)
+    elif value is not None:
+        fields = value if isinstance(value, dict) else vars(value)
+        for key, part in fields.items():
+            _leaves(part, f"{path}.{key}" if path else key, into)
+        if "name" in fields:
+            _by_joint(fields, path, into)
 
 
-def _by_joint(message: Mapping[str, Any], path: str) -> Iterator[tuple[str, Any]]:
-    names = message.get("name")
-    if not isinstance(names, list) or not names or not isinstance(names[0], str):
+def _by_joint(message: Mapping[str, Any], path: str, into: dict[str, Any]) -> None:
+    names = message["name"]
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         return
     for field in ("position", "velocity", "effort"):
         values = message.get(field)
         if isinstance(values, list | np.ndarray) and len(values) == len(names):
-            for name, value in zip(names, values, strict=True):
-                yield f"{path}.{field}[{name}]".lstrip("."), float(value)
+            head = f"{path}.{field}" if path else field
+            into.update((f"{head}[{n}]", float(v)) for n, v in zip(names, values, strict=True))
 
 
 def _decoder(schema: Any, channel: Any) -> Decoder | None:

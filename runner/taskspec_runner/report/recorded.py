@@ -25,7 +25,7 @@ def rates(run: Run) -> Iterator[str]:
     """What was recorded together, and how often, such as `2001 samples at 500 Hz`."""
     for each in mappings(mapping(run.summary.get("recorded")).get("clocks")):
         of = f"{each['of']}: " if each.get("of") else ""
-        text = f"{of}{each['samples']} samples at {digits(number(each['rate']) or 0.0, 4)} Hz"
+        text = f"{of}{each['samples']} samples at {number(each['rate']) or 0.0:.4g} Hz"
         if each.get("repeated"):
             counts = _REPEATED[str(each["repeated"])]
             text += f", in {each['stamps']} stamps of which {counts} of each counts"
