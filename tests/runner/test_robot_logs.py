@@ -28,6 +28,7 @@ from taskspec_runner import read
 from taskspec_runner.export.messages import definition
 from taskspec_runner.record.history import History
 from taskspec_runner.recorded.column_map import read_columns, ready_maps
+from taskspec_runner.recorded.recording import read_recording
 from taskspec_runner.recorded.units import column_unit
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
@@ -778,3 +779,44 @@ def test_units_of_columns(text: str, scale: float) -> None:
 def test_what_is_no_unit_of_a_column(text: str) -> None:
     with pytest.raises(ValueError, match="is not a unit"):
         column_unit(text)
+
+
+@pytest.mark.parametrize("name", ["crank", "unknown-normal", "vibrating-table"])
+def test_wrench_in_axes_of_the_base_in_frames_that_move_or_are_measured(
+    tmp_path: Path, name: str
+) -> None:
+    """What was measured in axes of the base comes back in those of each stage."""
+    run = execute(load_task(ROOT / "tasks" / f"{name}.yaml"), tmp_path / "run", report=False)
+    program, columns, log = run.program, dict(run.history.columns), tmp_path / "log.csv"
+    context = program.context
+    replay = Replay(
+        context.robot, context.frames, program.stages, run.history, context.moving_bases
+    )
+    frames = {stage.name: stage.plan.frame for stage in program.stages}
+    base = rotation.from_rpy(context.loaded.task.robot.base.rpy)
+    names = [each for each in WRENCH if f"{each}.measured" in columns]
+    assert names
+    for visit in run.history.visits():
+        rows = slice(visit.first, visit.last + 1)
+        axes = base.T @ replay.axes(frames[visit.stage], rows)[1]
+        for part in (WRENCH[:3], WRENCH[3:]):
+            kept = [each for each in part if f"{each}.measured" in columns]
+            vector = np.zeros((rows.stop - rows.start, 3))
+            for each in kept:
+                vector[:, part.index(each)] = run.history.columns[f"{each}.measured"][rows]
+            turned = np.einsum("kij,kj->ki", axes, vector)
+            for each in kept:
+                key = f"{each}.measured"
+                columns[key] = np.array(columns[key])
+                columns[key][rows] = turned[:, part.index(each)]
+    taken = {key: values for key, values in columns.items() if key not in (*WRENCH, "t")}
+    header = ",".join(f"{key} [{run.history.units[key]}]" if run.history.units[key] else key
+                      for key in taken)  # fmt: skip
+    cells = [["" if v != v else repr(v) for v in values.tolist()] for values in taken.values()]
+    lines(log, f"{header},stage", *cells, run.history.stages.tolist())
+    (tmp_path / "map.yaml").write_text("frame: base\n")
+    again = read_recording(program, log, read_columns(tmp_path / "map.yaml")).history
+    for each in names:
+        key = f"{each}.measured"
+        np.testing.assert_allclose(again.columns[key], run.history.columns[key], atol=1e-9)
+        np.testing.assert_array_equal(again.columns[each], again.columns[key])

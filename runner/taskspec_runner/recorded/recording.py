@@ -180,7 +180,7 @@ class _Reading:
             begin = stated.start - origin
             if not first - NEAR * self._period <= begin < last:
                 ends = f"{origin + first:.12g} s to {origin + last:.12g} s"
-                message = f"the log has samples from {ends}"
+                message = f"the log has samples from {ends}, as its clock counts"
                 raise self._columns.wrong(message, "time", "start")
             first = begin
         if last < first:

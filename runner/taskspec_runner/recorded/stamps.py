@@ -56,12 +56,12 @@ class Stamps:
                 f"{what}: time does not rise in {place(row)}: {now} after {before}, counted from "
                 f"the first sample{often}; {hint}"
             )
-        new = np.flatnonzero(steps > 0) + 1
         #: (m,) first sample of each stamp; None where each sample has its own.
-        self._first = None
+        self._first: NDArray[np.int64] | None = None
         self.times = times
-        if len(new) + 1 < len(times):
-            self._first = in_file(np.concatenate([[0], np.asarray(new)]))
+        if repeated is not None and (steps == 0).any():
+            new = np.asarray(np.flatnonzero(steps > 0) + 1)
+            self._first = in_file(np.concatenate([[0], new]))
             self.times = in_file(np.asarray(times[self._first]))
 
     def place(self, row: int) -> str:

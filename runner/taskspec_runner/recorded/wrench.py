@@ -33,6 +33,11 @@ Vector = NDArray[np.float64]
 _PARTS = (("force", ("x", "y", "z")), ("torque", ("rx", "ry", "rz")))
 #: Entries of a rotation below this are rounding.
 _ROUNDING = 1e-12
+#: What helps where the rotation of recorded axes is not known at each tick.
+_REMEDY = (
+    "or, where the tool keeps its orientation, state how the recorded axes are turned against that "
+    "frame: frame: {rpy: [180 deg, 0, 0]}, or frame: stage where they are the same"
+)
 #: Samples at which the tip is compared with the joints, and the least cosine between both.
 _COMPARED, _SAME_DIRECTION = 20, 0.8
 
@@ -130,17 +135,15 @@ class WrenchTurn:
             turn = self._constant(group, stage.plan.frame)
             if turn is None:
                 raise InputError(
-                    f"forces were recorded in axes of the {group.of}, and the frame of stage "
-                    f"'{stage.name}' moves against these; state the stages by a column ('stage') "
-                    "or by times ('stages') in the map"
+                    f"{self._moved(group, stage)}. State the stages by a column ('stage') or by "
+                    f"times ('stages') in the map, and record the joint positions; {_REMEDY}"
                 )
             turns.append(turn)
         key = b"".join(turn.tobytes() for turn in turns)
         if key not in self._turned:
-            made, rows = dict(values), slice(0, len(next(iter(values.values()))))
+            made, ticks = dict(values), len(next(iter(values.values())))
             for group, turn in zip(self._groups, turns, strict=True):
-                found = self._in_axes(group, turn, values, rows, stage)
-                made = {k: v for k, v in made.items() if k not in group.names} | found
+                self._write(group, turn, values, made, (0, ticks), stage)
             self._turned[key] = made
         return self._turned[key]
 
@@ -152,8 +155,9 @@ class WrenchTurn:
         """
         context, stages = self._program.context, {s.name: s for s in self._program.stages}
         values, made = history.columns, dict(history.columns)
-        for group in self._groups:
-            for name in self._known.intersection(group.names):
+        # What is turned in one stage may be what the frame of another one is measured by.
+        for name in self._known.intersection(n for group in self._groups for n in group.names):
+            if name in values:
                 made[name] = full(len(history), np.nan)
         turning = replace(history, columns=RecordedColumns(made))
         replay = Replay(
@@ -162,17 +166,38 @@ class WrenchTurn:
         for visit in history.visits():
             stage = stages[visit.stage]
             for group in self._groups:
-                constant = self._constant(group, stage.plan.frame)
-                for part in blocks(visit.last + 1 - visit.first):
-                    rows = slice(visit.first + part.start, visit.first + part.stop)
-                    turn = constant
-                    if turn is None:
-                        turn = self._moving(group, stage, replay, rows)
-                    found = self._in_axes(group, turn, values, rows, stage)
-                    for name, part_of in found.items():
-                        made[name][rows] = part_of
-        known = {name for name, column in made.items() if name in values}
-        return {k: v for k, v in made.items() if k in known or not np.isnan(v).all()}
+                turn: Vector | Replay | None = self._constant(group, stage.plan.frame)
+                turn = replay if turn is None else turn
+                self._write(group, turn, values, made, (visit.first, visit.last + 1), stage)
+        return made
+
+    def _write(
+        self,
+        group: _Group,
+        turn: Vector | Replay,
+        values: Mapping[str, Vector],
+        made: dict[str, Vector],
+        ticks: tuple[int, int],
+        stage: CompiledStage,
+    ) -> None:
+        """Writes a vector in the axes of a stage into columns (ticks,), some ticks at a time.
+
+        Args:
+            group: the vector.
+            turn: (3, 3) M; or what gives it tick by tick.
+            values: as recorded.
+            made: columns to write; one that is not yet a copy is NaN elsewhere.
+            ticks: the first of them, and the one after the last.
+            stage: for messages.
+        """
+        first, after = ticks
+        for part in blocks(after - first):
+            rows = slice(first + part.start, first + part.stop)
+            M = self._moving(group, stage, turn, rows) if isinstance(turn, Replay) else turn
+            for name, found in self._in_axes(group, M, values, rows, stage).items():
+                if name not in made or made[name] is values.get(name):
+                    made[name] = full(len(next(iter(values.values()))), np.nan)
+                made[name][rows] = found
 
     def _constant(self, group: _Group, frame: FrameModel) -> Vector | None:
         """(3, 3) M where it is the same at all times, else None."""
@@ -185,6 +210,12 @@ class WrenchTurn:
             return frame.rotation.T @ R if frame.kind == "tool" else None
         axes = constant_axes(context.robot, frame, context.moving_bases.get(frame.base_name))
         return None if axes is None else axes.T @ self._base() @ R
+
+    def _moved(self, group: _Group, stage: CompiledStage) -> str:
+        return (
+            f"forces were recorded in axes of the {group.of}, and the frame of stage "
+            f"'{stage.name}' moves against these"
+        )
 
     def _base(self) -> Vector:
         """(3, 3) axes of the base in which forces were recorded, in the world."""
@@ -239,10 +270,8 @@ class WrenchTurn:
             tip, axes = replay.axes(frame, rows)
         except NotRecordedError as error:
             raise InputError(
-                f"forces were recorded in axes of the {own.of}, and the frame of stage "
-                f"'{stage.name}' moves against these: that needs {error.column}, which was not "
-                "recorded. Where the tool keeps its orientation, state how its axes are turned "
-                "against that frame: frame: {rpy: [180 deg, 0, 0]}"
+                f"{self._moved(group, stage)}: that needs {error.column}, which was not recorded; "
+                f"{_REMEDY}"
             ) from error
         of = self._base() if own.of == "base" else tip
         return np.asarray(axes.transpose(0, 2, 1) @ of @ rotation.from_rpy(own.rpy))

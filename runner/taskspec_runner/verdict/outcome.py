@@ -181,8 +181,8 @@ def mirrored(run: JudgedRun) -> Iterator[str]:
         would = " and ".join(f"`{text}`" for text in texts)
         yield (
             f"The sign of the forces seems to be turned: with the opposite sign {would} would be "
-            "met. A task file speaks of the force that the robot applies; a sensor measures what "
-            "it bears, and then the column map needs sign: -1."
+            "met. A task file speaks of the force that the robot applies, a sensor measures what "
+            "it bears: the column map turns it with sign: -1, and leaves it with sign: 1."
         )
 
 
