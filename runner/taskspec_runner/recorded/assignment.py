@@ -44,7 +44,7 @@ _COUNTED = ("clock", "t", STAGE)
 #: Fields of the messages of joints, by the signal of a joint.
 _JOINTS = {"position": "position", "velocity": "velocity", "torque": "effort"}
 #: Signals that have axes, as forces do, and change their sign with whoever bears them.
-WRENCH = ("force", "torque")
+_WRENCH = ("force", "torque")
 
 
 class _Taken(NamedTuple):
@@ -183,8 +183,8 @@ class Assignment:
         made = _Taken(name, column, "", said.sign, scale, said.frame)
         if said.frame is None:
             made = made._replace(frame=self._axes(name))
-        elif name.partition(".")[0] not in WRENCH:
-            message = f"{name} has no axes of its own; 'frame' is of forces and moments"
+        elif not is_wrench(name):
+            message = f"{name} has no axes of its own; 'frame' is of measured forces and moments"
             raise self._columns.wrong(message, "signals", name, "frame", key=True)
         if said.unit is None:
             return made._replace(unit=self._stated(column, name))
@@ -224,7 +224,7 @@ class Assignment:
 
     def _axes(self, name: str) -> WrenchAxes | None:
         """The axes that the map states for all forces and moments."""
-        return self._columns.map.frame if name.partition(".")[0] in WRENCH else None
+        return self._columns.map.frame if is_wrench(name) else None
 
     def _joint(self, name: str) -> str:
         """What the robot calls the joint of a signal such as `joint.2.position`."""
@@ -315,7 +315,7 @@ class Assignment:
         said = self._columns.map.signals.get(name)
         if said is not None and said.offset is not None:
             made = replace(made, offset=self._offset(made, said.offset))
-        mirrored = self._mirrored and name.partition(".")[0] in WRENCH
+        mirrored = self._mirrored and is_wrench(name)
         return replace(made, sign=-made.sign) if mirrored else made
 
     def _offset(self, signal: Assigned, offset: Offset) -> float:
@@ -339,13 +339,13 @@ class Assignment:
         return float(in_si(np.array([offset.value]), offset.unit)[0])
 
     def numbers(self, names: Sequence[str]) -> list[Vector] | None:
-        """(n,) values of columns as recorded; None where the log lacks one of them."""
+        """(n,) values of columns as recorded, one for each time; None where the log lacks one."""
         found = [self._matching(name) for name in names]
         if any(len(each) != 1 for each in found):
             return None
         columns = [each[0] for each in found]
         values = self._source.numbers(columns)
-        return [values[column] for column in columns]
+        return [self.stamps(column).one_each(values[column]) for column in columns]
 
     def since(self) -> Assigned | None:
         """What a run's own log has of the time since a stage began; None where it has none."""
@@ -455,6 +455,12 @@ class Assignment:
             # Their order is that of the sender; without names it has to be the robot's.
             if "/joint_states.name[0]" not in self._source.units:
                 yield f"{field}[{int(number) - 1}]"
+
+
+def is_wrench(name: str) -> bool:
+    """Whether a signal is a part of a force or moment that was measured."""
+    head, _, rest = name.partition(".")
+    return head in _WRENCH and rest.partition(".")[2] in ("", "measured")
 
 
 def _pattern(name: str, joint: str) -> re.Pattern[str]:

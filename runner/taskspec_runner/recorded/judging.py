@@ -20,7 +20,7 @@ from taskspec_runner.record.folder import open_folder
 from taskspec_runner.record.history import Visit
 from taskspec_runner.record.log import Log
 from taskspec_runner.record.names import TASK
-from taskspec_runner.recorded.assignment import WRENCH
+from taskspec_runner.recorded.assignment import is_wrench
 from taskspec_runner.recorded.column_map import Columns, read_columns
 from taskspec_runner.recorded.recording import ForeignLog, read_recording
 from taskspec_runner.result import RunResult
@@ -97,7 +97,7 @@ def _mirrored(
     None where some are met that would not be then: the sign is not what is wrong.
     """
     missed = [each.passed is False for each in judged]
-    wrench = any(name.partition(".")[0] in WRENCH for name in recording.facts["columns"])
+    wrench = any(map(is_wrench, recording.facts["columns"]))
     if not any(missed) or not wrench:
         return []
     try:

@@ -304,19 +304,19 @@ def _stages(run: Run) -> Markup:
             seconds(visit.start),
             seconds(visit.end),
             seconds(visit.end - visit.start),
-            visit.law,
+            *([] if is_recorded(run) else [visit.law]),
             visit.frame,
             prose(_text(why.get("text"))),
             to,
         ]
         rows.append(Cells(cells, "bad" if bad else ""))
     times = map(right, ("From", "To", "Lasted"))
+    # The law is that of the file: whoever moved the robot may have had another one.
+    law = [] if is_recorded(run) else ["Law"]
     return section(
         "Stages",
         element("div", *line, class_="timeline", aria_hidden="true"),
-        table(
-            ["Stage", *times, "Law", "Frame", Heading("Ended by", "why"), "Then"], rows, "stages"
-        ),
+        table(["Stage", *times, *law, "Frame", Heading("Ended by", "why"), "Then"], rows, "stages"),
         *(note(f"{text}.") for text in tables.given_up(run)),
         note(prose(to_rest.told(run))),
     )
