@@ -183,15 +183,15 @@ class Run(Window):
         )
 
     @classmethod
-    def load(cls, folder: Path) -> Self:
+    def load(cls, folder: str | Path) -> Self:
         """The run of a folder; of one that was killed, what there is.
 
         Raises:
             InputError: it is not the folder of a run, or a newer taskspec made it.
         """
-        if not RunFolder(folder).is_run:
+        if not RunFolder(Path(folder)).is_run:
             raise InputError(f"cannot read {folder}: it is not the folder of a run")
-        run = cls(folder)
+        run = cls(Path(folder))
         # A newer version is found out before anything is made of it.
         _ = run.manifest
         return run

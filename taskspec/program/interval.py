@@ -92,8 +92,7 @@ class IntervalAlgebra:
         if op == "/":
             if right.low <= 0.0 <= right.high:
                 return ANY
-            reciprocal = Interval(1.0 / right.high, 1.0 / right.low)
-            return self.binary("*", left, reciprocal)
+            return hull([a / b for a in (left.low, left.high) for b in (right.low, right.high)])
         if op == "*":
             ends = [(a, b) for a in (left.low, left.high) for b in (right.low, right.high)]
             return hull([0.0 if 0.0 in (a, b) else a * b for a, b in ends])
@@ -119,7 +118,8 @@ class IntervalAlgebra:
     def call(self, function: str, args: Sequence[Interval]) -> Interval:
         """A function's values."""
         first = args[0]
-        if all(a.low == a.high for a in args):
+        # The sign of a zero decides where atan2 is, and it is not known.
+        if all(a.low == a.high for a in args) and not (function == "atan2" and first.low == 0.0):
             return point(_FLOAT.call(function, [a.low for a in args]))
         if function in _RISING:
             return hull([_at(function, first.low), _at(function, first.high)])

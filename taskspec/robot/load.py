@@ -96,6 +96,8 @@ class _Mounted:
     thickness: float | None
     length: float | None
     mass: float
+    com: tuple[float, ...] | None
+    inertia: tuple[float, ...] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,12 +114,23 @@ class _Section:
     def of(robot: RobotLike) -> _Section:
         """The inputs of the models of a robot."""
         tool, base, flange = robot.tool, robot.base, robot.flange
-        size = None if tool.size is None else tuple(tool.size)
+        size, com, inertia = (
+            None if each is None else tuple(each) for each in (tool.size, tool.com, tool.inertia)
+        )
         return _Section(
             robot.model,
             None if flange is None else _Carrier(flange.body, tuple(flange.xyz), tuple(flange.rpy)),
             _Placed(tuple(base.xyz), tuple(base.rpy)),
-            _Mounted(tool.shape, tool.radius, size, tool.thickness, tool.length, tool.mass),
+            _Mounted(
+                tool.shape,
+                tool.radius,
+                size,
+                tool.thickness,
+                tool.length,
+                tool.mass,
+                com,
+                inertia,
+            ),
             robot.balanced,
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ from taskspec.robot.poses import quaternion
 from taskspec.robot.types import ToolGeometry, ToolLike
 from taskspec.shapes import BoundedSurface, Cylinder, tool_shapes
 from taskspec.text.codes import register
+from taskspec.text.units import show
 
 register({"TS407": "a tool that is not complete or not possible"})
 
@@ -60,36 +62,34 @@ class MountedTool:
         length: Distance from the flange to the tip along the flange's z [m].
         parts: Its solids.
         geometry: What it touches with.
-        mass: [kg]
+        inertia: In the tip frame.
     """
 
     length: float
     parts: tuple[Part, ...]
     geometry: ToolGeometry
-    mass: float
+    inertia: pin.Inertia
 
     @property
-    def inertia(self) -> pin.Inertia:
-        """Inertia in the tip frame, the mass shared out by volume."""
-        total = sum(part.solid.volume for part in self.parts)
-        body = pin.Inertia.Zero()
-        for part in self.parts:
-            body += part.inertia(self.mass * part.solid.volume / total)
-        return body
+    def mass(self) -> float:
+        """[kg]."""
+        return float(self.inertia.mass)
 
 
 def make_tool(tool: ToolLike, planar: bool) -> MountedTool:
     """The tool that a task file describes.
 
     A flat face touches through small spheres whose lowest points lie in it and whose outer edge is
-    the face's edge: eight on a cylinder's rim, four at a box's corners.
+    the face's edge: eight on a cylinder's rim, four at a box's corners. A cylinder without a
+    thickness is one over the whole length; of a tool without a length it is a disc, half as thick
+    as its radius.
 
     Args:
         tool: The file's `robot.tool`.
         planar: Whether the arm is planar; its tool then ends where the last link does.
 
     Raises:
-        RobotError: TS407 when a dimension is missing or not positive.
+        RobotError: TS407 when a dimension is missing or not positive, or no body has its inertia.
     """
     length = tool.length if tool.length is not None else (0.0 if planar else LENGTH)
     radius = tool.radius if tool.radius is not None else RADIUS
@@ -108,7 +108,8 @@ def make_tool(tool: ToolLike, planar: bool) -> MountedTool:
         _check("size", edge)
     if tool.thickness is not None:
         _check("thickness", tool.thickness)
-    end = kind.tool_end(radius, tool.size or (), tool.thickness)
+    thickness = tool.thickness or length or radius / 2
+    end = kind.tool_end(radius, tool.size or (), thickness)
     geometry = ToolGeometry(end.centers, end.radii, end.flat, end.solid, end.center)
     head = Part(end.solid, end.center, _TIP, drawn=end.flat)
     stem = length + end.stem
@@ -117,7 +118,45 @@ def make_tool(tool: ToolLike, planar: bool) -> MountedTool:
         thick = min(_STEM, 0.6 * end.half_width)
         rod = Cylinder(np.zeros(3), np.eye(3), thick, stem)
         parts = (Part(rod, stem / 2 - length, _STEEL), head)
-    return MountedTool(length, parts, geometry, tool.mass)
+    return MountedTool(length, parts, geometry, _weighed(tool, length, parts))
+
+
+def _weighed(tool: ToolLike, length: float, parts: Sequence[Part]) -> pin.Inertia:
+    """Inertia in the tip frame: as the file has it, else the mass shared out by volume."""
+    total = sum(part.solid.volume for part in parts)
+    body = pin.Inertia.Zero()
+    for part in parts:
+        body += part.inertia(tool.mass * part.solid.volume / total)
+    if tool.com is None and tool.inertia is None:
+        return body
+    center = body.lever if tool.com is None else np.array(tool.com) - [0.0, 0.0, length]
+    moments = body.inertia if tool.inertia is None else symmetric(tool.inertia)
+    principal = np.linalg.eigvalsh(moments)
+    # Of moments that are written with three digits the greatest may be off by as much.
+    if tool.inertia is not None and not 0 < principal[2] <= (principal[0] + principal[1]) * 1.002:
+        one, two, three = (show(value, "kg*m^2") for value in principal)
+        raise RobotError(
+            "TS407",
+            f"no body has the principal moments of inertia {one}, {two} and {three}",
+            "none is negative, and none greater than the two others together",
+            ("tool", "inertia"),
+        )
+    return pin.Inertia(tool.mass, center, moments)
+
+
+def symmetric(inertia: Sequence[float]) -> Array:
+    """(3, 3) of [xx, yy, zz] or [xx, yy, zz, xy, xz, yz]."""
+    xx, yy, zz, xy, xz, yz = (*inertia, 0.0, 0.0, 0.0)[:6]
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def principal_axes(inertia: Array) -> tuple[Array, Array]:
+    """Principal moments (3,) of an inertia (3, 3), and their axes (3, 3), right-handed."""
+    if not np.any(inertia - np.diag(np.diag(inertia))):
+        return np.diag(inertia).copy(), np.eye(3)
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 0] *= np.linalg.det(axes)
+    return moments, axes
 
 
 def attach(
@@ -141,8 +180,9 @@ def attach(
     body.explicitinertial = True
     body.mass = tool.mass
     body.ipos = inertia.lever if tool.mass else np.zeros(3)
-    body.iquat = np.array([1.0, 0.0, 0.0, 0.0])
-    body.inertia = np.diag(inertia.inertia) if tool.mass else np.zeros(3)
+    moments, axes = principal_axes(inertia.inertia)
+    body.iquat = quaternion(axes)
+    body.inertia = moments if tool.mass else np.zeros(3)
     for part in tool.parts:
         if part.drawn:
             add_geom(

@@ -40,7 +40,7 @@ class FlangeLike(PoseLike, Protocol):
 
 
 class ToolLike(Protocol):
-    """A tool as a task file gives it; lengths [m], mass [kg]."""
+    """A tool as a task file gives it; lengths [m], mass [kg], inertia [kg m^2]."""
 
     @property
     def shape(self) -> str: ...  # noqa: D102
@@ -54,6 +54,10 @@ class ToolLike(Protocol):
     def length(self) -> float | None: ...  # noqa: D102
     @property
     def mass(self) -> float: ...  # noqa: D102
+    @property
+    def com(self) -> Sequence[float] | None: ...  # noqa: D102
+    @property
+    def inertia(self) -> Sequence[float] | None: ...  # noqa: D102
 
 
 class RobotLike(Protocol):

@@ -115,7 +115,7 @@ class Box(ToolSurface):
         cls,
         radius: float,  # noqa: ARG003
         size: Sequence[float],
-        thickness: float | None,  # noqa: ARG003
+        thickness: float,  # noqa: ARG003
     ) -> ToolEnd:
         """A face with a small sphere at each corner."""
         x, y, z = (edge / 2 for edge in size)

@@ -84,10 +84,10 @@ class Cylinder(ToolSurface):
         cls,
         radius: float,
         size: Sequence[float],  # noqa: ARG003
-        thickness: float | None,
+        thickness: float,
     ) -> ToolEnd:
-        """A round face with small spheres at its rim, by default half as thick as its radius."""
-        z = radius / 4 if thickness is None else thickness / 2
+        """A round face with small spheres at its rim."""
+        z = thickness / 2
         point = min(POINT_RADIUS, radius / 4, z)
         centers = np.column_stack((_rim(radius - point), np.full(RIM_POINTS, -point)))
         solid = cls(np.zeros(3), np.eye(3), radius, 2 * z)

@@ -64,7 +64,7 @@ class Sphere(ToolSurface):
         cls,
         radius: float,
         size: Sequence[float],  # noqa: ARG003
-        thickness: float | None,  # noqa: ARG003
+        thickness: float,  # noqa: ARG003
     ) -> ToolEnd:
         """A ball, which touches in one point."""
         centers = np.array([[0.0, 0.0, -radius]])

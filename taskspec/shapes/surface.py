@@ -270,13 +270,13 @@ class ToolSurface(BoundedSurface):
 
     @classmethod
     @abstractmethod
-    def tool_end(cls, radius: float, size: Sequence[float], thickness: float | None) -> ToolEnd:
+    def tool_end(cls, radius: float, size: Sequence[float], thickness: float) -> ToolEnd:
         """The end of a tool.
 
         Args:
             radius: of what is round [m].
             size: (3,) full edges of what has edges [m], the third along the tool's axis.
-            thickness: of what is round, along the tool's axis [m]; None for the default.
+            thickness: of a cylinder, along the tool's axis [m].
         """
 
 

@@ -9,18 +9,19 @@ from pydantic import Field
 from taskspec.shapes import tool_shapes
 from taskspec.spec.fields import RPY, XYZ
 from taskspec.spec.model import Model, complete, mapping, short_form
-from taskspec.spec.parse_context import ParseContext
+from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.protection import Protection
 from taskspec.spec.quantities import Constant, Entries, ForJoints, QuantityList
 from taskspec.spec.sizes import check_sizes
 from taskspec.spec.words import Free, NameReference, Switch, Word
 from taskspec.text.codes import register
-from taskspec.text.data import Map
+from taskspec.text.data import Items, Map
 from taskspec.text.units import (
     ANGLE,
     ANGULAR_DAMPING,
     FORCE,
     FREQUENCY,
+    INERTIA,
     LENGTH,
     MASS,
     MOMENT,
@@ -87,9 +88,13 @@ class Tool(Model):
         shape: of the end that touches.
         radius: of a sphere or cylinder [m]; None for the default.
         size: full edges of a box [m].
-        thickness: of a cylinder, along the tool's axis [m]; None for half its radius.
+        thickness: of a cylinder, along the tool's axis [m]; None for its whole length.
         length: from the flange to the tip [m]; None for the default.
         mass: [kg].
+        com: centre of mass from the flange in the tool's axes [m]; None where the mass is shared
+            out over stem and head by volume.
+        inertia: about the centre of mass in the tool's axes [kg m^2], xx, yy, zz and xy, xz, yz, or
+            the first three of these; None for that of stem and head.
     """
 
     noun = "a tool"
@@ -108,10 +113,29 @@ class Tool(Model):
         None, title="Length from flange to tip"
     )
     mass: Annotated[float, Constant(MASS, least=0)] = Field(0.0, title="Mass")
+    com: XYZ | None = Field(
+        None,
+        title="Centre of mass",
+        description="[x, y, z] from the flange, in the tool's axes",
+    )
+    inertia: Annotated[tuple[float, ...], Entries((INERTIA,) * 6, fewest=3)] | None = Field(
+        None,
+        title="Inertia about the centre of mass",
+        description="[xx, yy, zz] or [xx, yy, zz, xy, xz, yz], in the tool's axes",
+    )
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Requires the sizes of the tool's shape."""
+        """Requires the sizes of the tool's shape, and a mass where there is inertia."""
+        for key in ("com", "inertia"):
+            if key in data and "mass" not in data and not context.truth:
+                message = f"a tool with '{key}' needs its mass"
+                context.error("TS302", message, data.node.key_span(key), "mass: 1.2 kg")
+        inertia = data.get("inertia")
+        if isinstance(inertia, Items) and 3 < len(inertia) < 6:
+            message = f"3 or 6 entries are needed here, these are {len(inertia)}"
+            hint = "[xx, yy, zz] or [xx, yy, zz, xy, xz, yz]"
+            context.error("TS023", message, span_of(inertia), hint)
         shape = data.get("shape", cls.model_fields["shape"].default)
         if isinstance(shape, str) and shape in _ENDS:
             keys = _ENDS[shape].tool_keys

@@ -281,10 +281,14 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
     "Tool": {
         "shape": ("Of its end; a sphere, the default, touches in one point.", ()),
         "radius": ("Of a sphere, 10 mm by default, or of a cylinder.", ("10 mm",)),
-        "thickness": ("Of a cylinder, along the tool's axis; by default half its radius.",
+        "thickness": ("Of a cylinder, along the tool's axis; by default its whole length.",
                       ("40 mm",)),
         "length": ("From the flange to the tip; by default 100 mm, on planar arms 0.", ("100 mm",)),
         "mass": ("Known to the controller too; by default none.", ("300 g",)),
+        "com": ("Centre of mass from the flange, in the tool's axes; by default that of its shape.",
+                (["0", "15 mm", "60 mm"],)),
+        "inertia": ("About the centre of mass, xx, yy, zz and then xy, xz, yz; by default that of "
+                    "its shape.", (["2e-3 kg*m^2", "2e-3 kg*m^2", "1e-3 kg*m^2"],)),
     },
     "Within": {"time": ("Since the stage began.", ("5 s",)),
                "travel": ("Straight distance of the tip from where the stage began.", ("50 mm",))},

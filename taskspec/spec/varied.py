@@ -67,7 +67,7 @@ _SENSOR = ("delay", "noise.force", "noise.torque", "bias", "filter")
 
 def _of_the_robot() -> Iterator[tuple[str, VariedValue]]:
     own, sensor = targets(Robot), targets(Sensor)
-    yield "tool.mass", targets(Tool)["mass"]
+    yield from ((f"tool.{key}", targets(Tool)[key]) for key in ("mass", "com"))
     yield from ((key, own[key]) for key in ("joint_damping", "joint_friction"))
     yield from ((f"payload.{key}", each) for key, each in targets(Payload).items())
     yield from ((f"sensor.{key}", sensor[key]) for key in _SENSOR)

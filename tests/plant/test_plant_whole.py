@@ -536,3 +536,35 @@ def test_a_wall_bears_the_declared_stiffness(kind, sizes, tool, depth):
         rig.step(4000)
         places.append(float(rig.data.qpos[0]))
     assert 20.0 / (places[1] - places[0]) == pytest.approx(50e3, rel=1e-3)
+
+
+TILTED = """
+taskspec: 1
+robot:
+  model: panda
+  tool: {{shape: cylinder, radius: 9.9 mm, length: 140 mm, mass: 200 g}}
+  start: {{xyz: [500 mm, 0, 312 mm], rpy: [180 deg, {tilt} deg, 0]}}
+world:
+  cut: {{shape: slot, width: 20 mm, depth: 60 mm, xyz: [500 mm, 0, 300 mm], rpy: [0, 0, 90 deg],
+         stiffness: 100 kN/m}}
+frame: world
+law: impedance
+stages:
+  down: {{axes: {{z: {{move: -42 mm}}}}}}
+"""
+
+
+@pytest.mark.parametrize("tilt", [0, 15])
+def test_a_tool_is_its_cylinder_over_its_whole_length(simulate, tilt):
+    """30 mm deep, 19.8 mm that lean by 15 deg are 8 mm wider than the 20 mm between the walls."""
+    run = simulate(TILTED.format(tilt=tilt))
+    deep = 300.0 - 1e3 * float(run["position.z"][-1])
+    largest = max(np.abs(run[f"force.{axis}"]).max() for axis in "xyz")
+    if tilt:
+        # It wedges where a diameter that leans spans the cut: R(1/cos - 1) at each wall, and it has
+        # what the walls yield to go on by.
+        assert largest > 10
+        assert deep < 25
+    else:
+        assert largest < 1
+        assert deep == pytest.approx(30, abs=0.1)

@@ -14,8 +14,15 @@ TABLE = "table: {shape: plane, xyz: [0, 0, 399 mm], stiffness: 20 kN/m, friction
 TOOL = "tool: {shape: box, size: [60 mm, 30 mm, 20 mm], length: 120 mm, mass: 800 g}"
 
 
-def wrist(world: str, damping: float = 0.0) -> Pushed:
-    return Pushed(world, f"{TOOL}, sensor: {{at: wrist}}", damping=damping)
+SANDER = (
+    "tool: {shape: cylinder, radius: 30 mm, thickness: 15 mm, length: 120 mm, mass: 800 g, "
+    "com: [10 mm, 60 mm, 50 mm], "
+    "inertia: [3e-3 kg*m^2, 2e-3 kg*m^2, 2.5e-3 kg*m^2, 4e-4 kg*m^2, 0, -2e-4 kg*m^2]}"
+)
+
+
+def wrist(world: str, damping: float = 0.0, tool: str = TOOL) -> Pushed:
+    return Pushed(world, f"{tool}, sensor: {{at: wrist}}", damping=damping)
 
 
 def inertia(pushed: Pushed) -> pin.Inertia:
@@ -23,8 +30,9 @@ def inertia(pushed: Pushed) -> pin.Inertia:
     return make_tool(pushed.task.robot.tool, planar=False).inertia
 
 
-def test_at_rest_it_shows_the_tools_weight():
-    pushed = wrist("", damping=20.0)
+@pytest.mark.parametrize("tool", [TOOL, SANDER])
+def test_at_rest_it_shows_the_tools_weight(tool):
+    pushed = wrist("", damping=20.0, tool=tool)
     pushed.push(0.0, 0.2)
     R = pushed.data.xmat[pushed.body].reshape(3, 3)
     weight = np.array([0.0, 0.0, -0.8 * 9.81])
@@ -33,9 +41,10 @@ def test_at_rest_it_shows_the_tools_weight():
     np.testing.assert_allclose(pushed.plant.arm.wrist[3:], np.cross(lever, weight), atol=1e-9)
 
 
-def test_in_motion_it_shows_weight_and_inertia():
+@pytest.mark.parametrize("tool", [TOOL, SANDER])
+def test_in_motion_it_shows_weight_and_inertia(tool):
     """Against Pinocchio's force of the tool alone, with the step's own acceleration."""
-    pushed = wrist("")
+    pushed = wrist("", tool=tool)
     pushed.push([3.0, -5.0, 4.0, 0.4, 0.3, -0.2], 0.1)
     robot, before = pushed.robot, (pushed.plant.arm.q.copy(), pushed.plant.arm.v.copy())
     pushed.push([3.0, -5.0, 4.0, 0.4, 0.3, -0.2], 1e-3)

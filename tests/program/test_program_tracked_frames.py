@@ -105,20 +105,20 @@ def rolled(rate, cutoff, friction, time=50.0):
         heading=np.array([1.0, 0.0, 0.0]),
         tracking=DirectionTracking("force", cutoff, 0.1, 1e3),
     )
-    state, force, period = ca.SX.sym("s", 9), ca.SX.sym("f", 3), 2e-3 / cutoff
-    step = ca.Function("step", [state, force], [tracked_frames.step(frame, state, force, period)])
-    tilt, angle, angles, leans = math.atan(friction), 0.0, [], []
-    now = np.concatenate([[0, 0, 10.0], [0, 0, 1.0], np.zeros(3)])
-    for _ in range(int(time / cutoff / period)):
-        felt = angle - tilt
-        lean = math.remainder(angle - math.atan2(now[3], now[5]), 2 * math.pi)
-        angles.append(angle)
-        leans.append(lean)
-        if not abs(lean) < math.pi / 2:
-            break
-        angle += period * rate / math.cos(lean)
-        now = np.array(step(now, 10 * np.array([math.sin(felt), 0, math.cos(felt)]))).ravel()
-    return np.array(angles), np.array(leans)
+    period, tilt = 2e-3 / cutoff, math.atan(friction)
+    state, angle = ca.SX.sym("s", 9), ca.SX.sym("a")
+    lean = ca.remainder(angle - ca.atan2(state[3], state[5]), 2 * math.pi)
+    measured = 10 * ca.vertcat(ca.sin(angle - tilt), 0, ca.cos(angle - tilt))
+    after = ca.vertcat(
+        tracked_frames.step(frame, state, measured, period), angle + period * rate / ca.cos(lean)
+    )
+    loop = ca.Function("loop", [ca.vertcat(state, angle)], [after, ca.vertcat(angle, lean)])
+    begun = [0, 0, 10.0, 0, 0, 1.0, 0, 0, 0, 0]
+    angles, leans = np.array(loop.mapaccum(int(time / cutoff / period))(begun)[1])
+    # Beyond a right angle the tool leaves what it slides on.
+    beyond = np.flatnonzero(~(np.abs(leans) < math.pi / 2))
+    ticks = int(beyond[0]) + 1 if len(beyond) else len(leans)
+    return angles[:ticks], leans[:ticks]
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.2, 0.6])
@@ -166,31 +166,56 @@ def test_a_run_leans_as_the_loop_does_on_both_sides_of_the_boundary(simulate, sh
     assert np.interp(at, normal, lean) == pytest.approx(expected, rel=0.07)
 
 
-def test_below_the_floor_it_keeps_its_direction_and_turns_no_faster_than_its_limit():
+def stepped(cutoff, floor, turn, forces, period=1e-3):
+    """Directions and their rates after each tick of forces (n, 3) on a frame that begins at z."""
     frame = FrameModel(
         "skin",
         "tracking",
         np.eye(3),
         np.zeros(3),
-        tracking=DirectionTracking("force", 2.0, 1.0, 0.5),
+        tracking=DirectionTracking("force", cutoff, floor, turn),
     )
     state, force = ca.SX.sym("s", 9), ca.SX.sym("f", 3)
-    step = ca.Function("step", [state, force], [tracked_frames.step(frame, state, force, 1e-3)])
-    now = np.concatenate([np.zeros(3), [0, 0, 1.0], np.zeros(3)])
-    for _ in range(1000):
-        now = np.array(step(now, [0.9, 0.0, 0.0])).ravel()
-    np.testing.assert_array_equal(now[3:6], [0, 0, 1])
-    for _ in range(1000):
-        now = np.array(step(now, [9.0, 0.0, 0.0])).ravel()
-        assert np.linalg.norm(now[6:]) <= 0.5 * (1 + 1e-9)
-    # The filter passes 1 N within 2 ms; then it turns at its limit for the rest of the second.
-    assert math.atan2(now[3], now[5]) == pytest.approx(0.5, abs=0.002)
+    step = ca.Function("step", [state, force], [tracked_frames.step(frame, state, force, period)])
+    begun = np.concatenate([np.zeros(3), [0, 0, 1.0], np.zeros(3)])
+    states = np.array(step.mapaccum(len(forces))(begun, np.transpose(forces))).T
+    return states[:, 3:6], states[:, 6:]
+
+
+def test_below_the_floor_it_keeps_its_direction_and_turns_no_faster_than_its_limit():
+    cutoff, turn = 2.0, 0.5
+    forces = np.zeros((4000, 3))
+    forces[:1000, 0], forces[1000:2000, 0] = 0.9, 9.0
+    directions, rates = stepped(cutoff, 1.0, turn, forces)
+    np.testing.assert_array_equal(directions[:1000], np.tile([0, 0, 1.0], (1000, 1)))
+    assert np.linalg.norm(rates, axis=1).max() <= turn * (1 + 1e-9)
+    # The filter passes 1 N within 2 ms; in 1/(2 pi f_c) it has its greatest rate, and keeps it.
+    x, _, z = directions[1999]
+    late = 0.5 / (2 * math.pi * cutoff)
+    assert math.atan2(x, z) == pytest.approx(turn * (1 - late), abs=0.002)
     # In free space the force that is held fades, and the direction does not.
-    for _ in range(2000):
-        now = np.array(step(now, [0.0, 0.0, 0.0])).ravel()
-    still = now[3:6]
-    now = np.array(step(now, [0.0, 0.0, 0.0])).ravel()
-    np.testing.assert_array_equal(now[3:6], still)
+    np.testing.assert_array_equal(directions[-1], directions[-500])
+
+
+@pytest.mark.parametrize("cutoff", [1.0, 4.0, 20.0])
+@pytest.mark.parametrize("tilt", [0.02, 0.5, 2.0])
+def test_its_rate_of_turn_does_not_step(cutoff, tilt):
+    """A force that comes, turns over and goes: rates change by 2 pi f_c W in a second at most."""
+    turn, period = 1.0, 1e-3
+    seconds = int(1.5 * max(tilt / turn, 4 / cutoff) / period)
+    forces = np.zeros((3 * seconds, 3))
+    forces[:seconds] = 10 * np.array([math.sin(tilt), 0, math.cos(tilt)])
+    forces[seconds : 2 * seconds, 2] = 10
+    directions, rates = stepped(cutoff, 1.0, turn, forces)
+    assert np.linalg.norm(rates, axis=1).max() > min(0.9 * turn, cutoff * tilt)
+    # Rates are chords of the unit sphere: they bend by the angle of a tick, turn T, as well.
+    changes = np.linalg.norm(np.diff(rates, axis=0), axis=1)
+    assert changes.max() <= turn * (2 * math.pi * cutoff + turn) * period
+    # It gets there, without going past it.
+    angles = np.arctan2(directions[:, 0], directions[:, 2])
+    assert angles[seconds - 1] == pytest.approx(tilt, abs=0.01 * tilt)
+    assert angles.max() < tilt * 1.001
+    assert angles[2 * seconds - 1] == pytest.approx(0, abs=0.01 * tilt)
 
 
 def test_the_next_stage_goes_on_from_there(simulate):

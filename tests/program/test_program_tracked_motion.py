@@ -94,7 +94,8 @@ def test_both_sides_of_the_boundary_of_stability(simulate, share):
     predicted = tracked_frames.sliding_lag(rate, cutoff, 0.0)
     if share > 1:
         assert predicted is None
-        assert np.abs(lag).max() > 1.3
+        # Past the lag at which the loop ceases to be stable, and on.
+        assert np.abs(lag).max() > 1.25 * tracked_frames.stable_lag(0.0)
     else:
         assert lag[-500:] == pytest.approx(predicted, rel=0.05)
 

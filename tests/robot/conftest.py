@@ -24,7 +24,7 @@ def section(model: str, **keys: Any) -> Any:
     """
     tool: dict[str, Any] = {
         "shape": "sphere", "radius": None, "size": None, "thickness": None, "length": None,
-        "mass": 0.3,
+        "mass": 0.3, "com": None, "inertia": None,
     }  # fmt: skip
     base: dict[str, Any] = {"xyz": (0.0, 0.0, 0.0), "rpy": (0.0, 0.0, 0.0)}
     zero = (0.0, 0.0, 0.0)

@@ -102,6 +102,45 @@ def test_a_box_weighs_as_a_box_and_stem(load: Load) -> None:
     np.testing.assert_allclose(body.inertia, expected)
 
 
+def test_a_cylinder_is_one_over_its_whole_length(load: Load) -> None:
+    robot = load("panda", tool_mass=1.0, tool_length=0.15, **CYLINDER)
+    body = robot.model.body(robot.tip_body)
+    np.testing.assert_allclose(body.ipos, [0, 0, -0.075], atol=1e-12)
+    across = 0.03**2 / 4 + 0.15**2 / 12
+    np.testing.assert_allclose(body.inertia, [across, across, 0.03**2 / 2])
+    assert robot.tool.solid.length == 0.15
+    disc = load("panda", tool_length=0.0, **CYLINDER)
+    assert disc.tool.solid.length == 0.015
+
+
+@pytest.mark.parametrize(
+    "inertia", [None, (3e-3, 2e-3, 2.5e-3), (3e-3, 2e-3, 2.5e-3, 4e-4, -3e-4, 2e-4)]
+)
+def test_mass_properties_of_a_data_sheet(load: Load, inertia: tuple[float, ...] | None) -> None:
+    """MuJoCo's and Pinocchio's tool have the centre of mass and the moments that the file has."""
+    com = (0.01, 0.06, 0.055)
+    keys = {"tool_mass": 1.2, "tool_com": com, "tool_inertia": inertia, "tool_length": 0.13}
+    robot = load("ur5e", **CYLINDER, **keys)
+    body = robot.model.body(robot.tip_body)
+    np.testing.assert_allclose(body.ipos, np.array(com) - [0, 0, 0.13], atol=1e-15)
+    axes = np.zeros(9)
+    mujoco.mju_quat2Mat(axes, body.iquat)
+    axes = axes.reshape(3, 3)
+    moments = axes @ np.diag(body.inertia) @ axes.T
+    if inertia is not None:
+        xx, yy, zz, xy, xz, yz = (*inertia, 0, 0, 0)[:6]
+        expected = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+        np.testing.assert_allclose(moments, expected, atol=1e-12)
+    # Pinocchio's last body is the last link with the tool on it.
+    bare = load("ur5e", **CYLINDER, tool_mass=0.0, tool_length=0.13)
+    last = robot.tip_joint
+    tool = robot.pin.inertias[last] - bare.pin.inertias[last]
+    own = robot.tip.actInv(tool)
+    assert own.mass == pytest.approx(1.2)
+    np.testing.assert_allclose(own.lever, body.ipos, atol=1e-12)
+    np.testing.assert_allclose(own.inertia, moments, atol=1e-12)
+
+
 def test_total_mass_is_the_arms_and_the_tools(load: Load) -> None:
     with_tool, without = load("ur5e", tool_mass=0.7), load("ur5e", tool_mass=0.0)
     assert with_tool.model.body_mass.sum() - without.model.body_mass.sum() == pytest.approx(0.7)
@@ -124,6 +163,9 @@ def test_tool_name_gives_way_to_a_body_of_that_name(load: Load, tmp_path: Any) -
         ({"tool_length": float("nan")}, "the tool's length is nan", "length"),
         ({"tool_mass": -1.0}, "the tool's mass is -1", "mass"),
         ({"tool_shape": "box", "tool_size": (0.1, 0.0, 0.1)}, "the tool's size is 0", "size"),
+        ({"tool_inertia": (1e-3, 1e-3, 3e-3)}, "no body has the principal moments", "inertia"),
+        ({"tool_inertia": (-1e-3, 1e-3, 1e-3)}, "no body has the principal moments", "inertia"),
+        ({"tool_inertia": (1e-3,) * 3 + (2e-3, 0, 0)}, "no body has the principal", "inertia"),
     ],
 )
 def test_impossible_tools(load: Load, keys: dict[str, Any], message: str, field: str) -> None:

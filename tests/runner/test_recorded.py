@@ -499,14 +499,14 @@ def test_a_long_log_is_read_in_parts_to_the_same_end(
         kept = [",".join(p for i, p in enumerate(line.split(",")) if i != at) for line in lines]
         log.write_text("\n".join(kept) + "\n")
     plain = read_recording(program, log, read_columns(columns))
-    monkeypatch.setattr(mapped, "SPILL_ROWS", 700)
-    monkeypatch.setattr(mapped, "_FIRST_CAPACITY", 1024)
+    monkeypatch.setattr(mapped, "SPILL_ROWS", 2900)
+    monkeypatch.setattr(mapped, "_FIRST_CAPACITY", 2048)
     monkeypatch.setattr(file_array, "LARGE", 1000)
-    monkeypatch.setattr(file_array, "BLOCK_ROWS", 300)
+    monkeypatch.setattr(file_array, "BLOCK_ROWS", 3000)
     monkeypatch.setattr(guards, "BLOCK_ROWS", 60)
-    monkeypatch.setattr(messages, "_MESSAGES", 256)
-    monkeypatch.setattr(source, "_BLOCK", 1 << 14)
-    monkeypatch.setattr(source, "ROWS", 500)
+    monkeypatch.setattr(messages, "_MESSAGES", 2500)
+    monkeypatch.setattr(source, "_BLOCK", 1 << 18)
+    monkeypatch.setattr(source, "ROWS", 3000)
     parts = read_recording(program, log, read_columns(columns))
     assert parts.facts == plain.facts
     assert parts.facts["stages"] == way

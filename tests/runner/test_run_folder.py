@@ -256,7 +256,7 @@ def test_manifest_of_a_run_on_a_full_disk_names_the_log(tap: Path, tmp_path: Pat
     assert manifest["unwritten"] == {"file": "log.arrow", "reason": "File too large"}
     assert not (out / LOCK).exists()
     # The batches that had no room are still in their block.
-    run, logged = Run.load(out), read_log(out / "log.arrow")
+    run, logged = Run.load(str(out)), read_log(out / "log.arrow")
     assert len(logged) + BATCH <= len(run) <= len(logged) + ROOM
     assert len(logged) > 1000
     assert np.array_equal(run.columns["clock"], 1e-3 * np.arange(len(run)))

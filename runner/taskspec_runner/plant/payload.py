@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from taskspec.program.world.payload import true_inertia
+from taskspec.program.world.payload import differs, true_inertia
 from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.names import quaternion
 
@@ -24,7 +24,7 @@ def weigh(spec: mujoco.MjSpec, arm: SceneArm) -> float:
     """
     declared, robot = arm.declared, arm.robot
     modelled = float(robot.model.body(robot.tip_body).mass[0])
-    if declared.tool.mass == modelled and declared.payload is None:
+    if not differs(robot, declared):
         return robot.tool_body.mobility
     inertia = true_inertia(robot, declared)
     moments, axes = np.linalg.eigh(inertia.inertia)

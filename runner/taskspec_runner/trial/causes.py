@@ -25,7 +25,7 @@ from taskspec.rules.places import motion_of
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import FILE, key_of
 from taskspec.spec.robot import Robot
-from taskspec.text.units import FORCE, LENGTH, VELOCITY, inside, show
+from taskspec.text.units import FORCE, LENGTH, MASS, VELOCITY, inside, show
 from taskspec_runner.trial.impact import impact_at
 from taskspec_runner.trial.moment import Moment
 
@@ -47,6 +47,10 @@ _BEFORE_A_STOP = 50
 STOP_SPEED = {False: 0.01, True: 0.02}
 #: A command is what passes a limit from this share of it on.
 COMMANDED = 0.97
+#: How far a flip from reading to reading may be from its frequency, of that.
+FLIPS = 0.1
+#: A late force that is answered by so many times as much grows.
+GROWS = 2.0
 #: A motor is at its limit from this share of it on.
 SATURATED = 0.995
 #: Ticks before an end of which a saturation is read off.
@@ -220,6 +224,37 @@ def blow(moment: Moment) -> Cause | None:
         f"{show(touch.peak, 'N', 2)}",
         hint,
         motion_of(moment.stage),
+    )
+
+
+def late_force(moment: Moment, frequency: float) -> Cause | None:
+    """A measured force that flips from reading to reading, of an oscillation's frequency [Hz].
+
+    On a force axis a law makes h z'' = u + f, with h the mass that is free to turn. Where friction
+    or a wall holds the tool, nothing turns: it takes r = Lambda h^-1 times as much force to move it
+    so, all of it is borne at once, and the error u + f of a reading that is d ticks old becomes
+    (1 - r) times itself: beyond r = 2 it grows, at 1/(2 (d + 1) T).
+    """
+    stage = moment.stage
+    period, sensor = stage.context.period, moment.true.robot.sensor
+    ticks = SensorModel.of(sensor, period).delay_ticks + 1
+    if not moment.touches or abs(2 * ticks * period * frequency - 1) > FLIPS:
+        return None
+    plants = stage.design_rules.plants
+    ratios = {a: plants[a].held / plants[a].h for a, plan in stage.plans.items() if plan.force}
+    axis = max(ratios, key=lambda a: ratios[a], default=None)
+    if axis is None or ratios[axis] <= GROWS:
+        return None
+    mass = axis.of(MASS)
+    contact = f"{moment.pressed!r}" if moment.pressed else "what it touches"
+    late = "a tick" if ticks == 1 else f"{ticks} ticks"
+    return Cause(
+        f"the force comes {late} late, and {contact} holds the tool, which has "
+        f"{show(plants[axis].held, mass, 2)} along {axis!r} there and not the "
+        f"{show(plants[axis].h, mass, 2)} that it has where it is free to turn, as the law has it",
+        "give the sensor a low-pass, such as robot.sensor: {filter: 100 Hz}, or hold "
+        f"{axis!r} instead of controlling its {'torque' if axis.is_rotation else 'force'}",
+        _axis_place(moment, axis),
     )
 
 

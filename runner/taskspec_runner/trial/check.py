@@ -64,7 +64,8 @@ def _weighed(found: Diagnostic) -> Diagnostic:
     """A finding beside a trial that ends well: what was only predicted is a remark then."""
     if found.severity is Severity.ERROR or not predicted(found.code):
         return found
-    return replace(found, severity=Severity.INFO)
+    message = f"{found.message}; the trial ends well"
+    return replace(found, severity=Severity.INFO, message=message)
 
 
 def _is_in(inner: Span | None, outer: Span | None) -> bool:

@@ -102,9 +102,10 @@ def collisions(trial: Trial) -> Iterator[Finding]:
         row = int(rows[at])
         visit = next(v for v in trial.history.visits() if v.first <= row <= v.last)
         moment = Moment(trial, visit, row)
+        what = "the tool's stem" if link == context.robot.tip_body else f"link {link!r}"
         yield warning(
             "TS428",
-            f"in the trial, in stage {visit.stage!r} {moment.when}, link {link!r} runs into "
+            f"in the trial, in stage {visit.stage!r} {moment.when}, {what} runs into "
             f"{thing!r}, and comes {show(depth, 'mm', 2)} into it: in a run only the tool's end "
             "touches, a robot does with all of itself",
             motion_of(moment.stage),

@@ -353,16 +353,18 @@ def _of_run(trial: Trial, finding: RunFinding) -> Finding:
     """An oscillation or a saturation of a stage."""
     stage = next(s.plan for s in trial.program.stages if s.name == finding.stage)
     place = motion_of(stage)
-    oscillates = finding.kind == OSCILLATION
-    return warning(
-        "TS508" if oscillates else "TS427",
+    text = (
         f"in the trial, {finding.text} (stage {finding.stage!r}, run time "
-        f"{show(finding.start, 's', 3)} to {show(finding.end, 's', 3)})",
-        place,
-        "lower the gains of its loop, or approach more slowly"
-        if oscillates
-        else "move more slowly, command or carry less, or start where the arm bears it better",
+        f"{show(finding.start, 's', 3)} to {show(finding.end, 's', 3)})"
     )
+    if finding.kind != OSCILLATION:
+        hint = "move more slowly, command or carry less, or start where the arm bears it better"
+        return warning("TS427", text, place, hint)
+    visits = [visit for visit in trial.history.visits() if visit.stage == finding.stage]
+    cause = causes.late_force(Moment(trial, visits[finding.visit - 1]), finding.frequency)
+    if cause is None:
+        return warning("TS508", text, place, "lower the gains of its loop, or approach more slowly")
+    return warning("TS508", f"{text}: {cause.text}", cause.place or place, cause.hint)
 
 
 def _missed(trial: Trial, judged: Judged, place: Place | None) -> Finding:

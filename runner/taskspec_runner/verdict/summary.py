@@ -134,7 +134,7 @@ def summarise(
         "period": context.period,
         "law": task.law.kind,
         "stages": visits,
-        "torque_step": largest_step(simulated.transitions),
+        "torque_step": largest_step(simulated.transitions, history),
         "expectations": [j.as_data() for j in judged],
         "findings": [each.as_data() for each in found],
         **protected(program, history, context.period),

@@ -1,4 +1,4 @@
-"""Torque steps at changes of stage."""
+"""Torque steps of a run: at changes of stage, and inside of stages."""
 
 from __future__ import annotations
 
@@ -6,30 +6,71 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from taskspec.program.execution.transition import Transition
+import numpy as np
 
-#: From here on a step is worth a line [N m].
+from taskspec.program.execution.transition import Transition
+from taskspec.program.stages.carried_torque import FADING
+from taskspec_runner.record.file_array import blocks
+from taskspec_runner.record.history import History
+
+#: From here on a step at a change of stage is worth a line [N m].
 NOTICED = 0.5
 
 
-def largest_step(transitions: Sequence[Transition]) -> dict[str, Any] | None:
-    """The largest step of a joint's torque at a change of stage; None without a change."""
-    changes = list(pairwise(transitions))
-    if not changes:
-        return None
-    before, after = max(changes, key=lambda pair: pair[0].torque_step)
-    return {
-        "value": before.torque_step,
-        "from": before.stage,
-        "to": after.stage,
-        "clock": before.clock,
-    }
+def largest_step(transitions: Sequence[Transition], history: History) -> dict[str, Any] | None:
+    """The largest step of a joint's torque; None of a run of one tick.
+
+    At a change of stage that is what the new stage's first torque is off the last stage's at the
+    same measurement, inside of a stage the change from one tick to the next: there `from` and `to`
+    are the same stage, and `joint` counts from 1.
+    """
+    changes = [
+        {
+            "value": before.torque_step,
+            "from": before.stage,
+            "to": after.stage,
+            "clock": before.clock,
+        }
+        for before, after in pairwise(transitions)
+    ]
+    return max((*changes, *_inside(history)), key=lambda step: step["value"], default=None)
+
+
+def _inside(history: History) -> Iterator[dict[str, Any]]:
+    """The largest step of each joint in each visit of a stage."""
+    joint = 1
+    while f"joint.{joint}.torque" in history.columns:
+        torque = history.columns[f"joint.{joint}.torque"]
+        for visit in history.visits():
+            for part in blocks(visit.last - visit.first):
+                first = visit.first + part.start
+                steps = np.abs(np.diff(torque[first : visit.first + part.stop + 1]))
+                # A run whose torque is not finite ends by it.
+                steps = np.where(np.isfinite(steps), steps, 0.0)
+                at = int(np.argmax(steps))
+                yield {
+                    "value": float(steps[at]),
+                    "from": visit.stage,
+                    "to": visit.stage,
+                    "clock": float(history.columns["clock"][first + at + 1]),
+                    "joint": joint,
+                }
+        joint += 1
 
 
 def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
     """The largest step in words; nothing where there is none to speak of."""
     step = summary.get("torque_step")
-    if step and step["value"] >= NOTICED:
+    if not step:
+        return
+    if step["from"] == step["to"] and "joint" in step:
+        # A change of stage may fade as fast, by intention.
+        if step["value"] > FADING * summary["period"]:
+            yield (
+                f"{step['to']}: the torque of joint {step['joint']} steps by "
+                f"{step['value']:.3g} N*m from one tick to the next, at {step['clock']:.3f} s"
+            )
+    elif step["value"] >= NOTICED:
         yield (
             f"{step['to']}: its first torque is {step['value']:.3g} N*m off the last of "
             f"{step['from']!r}, at {step['clock']:.3f} s"

@@ -18,6 +18,17 @@ def modelled_inertia(robot: RobotModel) -> pin.Inertia:
     return pin.Inertia(body.mass, body.lever, moments)
 
 
+def differs(robot: RobotModel, declared: Robot) -> bool:
+    """Whether the true tool has another mass or centre of mass than the model's, or a payload."""
+    body, tool = robot.tool_body, declared.tool
+    if tool.mass != body.mass or declared.payload is not None:
+        return True
+    if tool.com is None or not tool.mass:
+        return False
+    center = make_tool(tool, "z" not in robot.axes).inertia.lever
+    return not np.array_equal(center, body.lever)
+
+
 def true_inertia(robot: RobotModel, declared: Robot) -> pin.Inertia:
     """The true inertia of the tip's body, tip frame.
 
@@ -26,7 +37,7 @@ def true_inertia(robot: RobotModel, declared: Robot) -> pin.Inertia:
         declared: what is true of the arm.
     """
     modelled = modelled_inertia(robot)
-    if declared.tool.mass == modelled.mass and declared.payload is None:
+    if not differs(robot, declared):
         return modelled
     inertia = make_tool(declared.tool, "z" not in robot.axes).inertia
     if declared.payload is not None:

@@ -3,10 +3,14 @@
 With f the measured force by the environment, or the velocity of the tool's reference point, f_c
 the filter's cutoff and F what the filter holds,
 
-    dF/dt = 2 pi f_c (f - F),   d turns to F/|F| at no more than the frame's greatest rate,
+    dF/dt = 2 pi f_c (f - F),   d turns to F/|F| at no more than the frame's greatest rate W,
 
-while |F| is above a floor; below it d stays. d is the frame's z where it tracks the force, and its
-x where it tracks the velocity. The axes of a tick follow from the ticks before it.
+while |F| is above a floor; below it d stays. With w_F the rate of F/|F| and e the angle from d to
+it, the rate of d goes towards w_F + 2 pi f_c e, which is cut to W, by at most 2 pi f_c W in a
+second: d begins and ends to turn without a step of its rate, brakes in time to stop at F/|F|, and
+then follows it without a lag of its own. A rate that stepped would step the torque by the damping
+of the rotations times W. d is the frame's z where it tracks the force, and its x where it tracks
+the velocity. The axes of a tick follow from the ticks before it.
 A direction that turns at W is followed at a distance of atan(W / (2 pi f_c)): `lag`.
 """
 
@@ -81,17 +85,40 @@ def step(frame: FrameModel, state: ca.SX, now: ca.SX, period: float) -> ca.SX:
     """
     tracking = _tracking(frame)
     share = _share(tracking.filter, period)
-    held, before = state[:3], state[3:6]
-    held = held + share * (now - held)
-    size = ca.sqrt(ca.dot(held, held) + _NOTHING)
-    goal = held / size
-    across = goal - before * ca.dot(before, goal)
-    sine = ca.sqrt(ca.dot(across, across) + _NOTHING)
-    angle = ca.fmin(ca.atan2(sine, ca.dot(before, goal)), tracking.turn * period)
-    turned = before * ca.cos(angle) + across * (ca.sin(angle) / sine)
-    turned = turned / ca.sqrt(ca.dot(turned, turned))
-    following = ca.if_else(size > tracking.floor, turned, before)
+    before, rate = state[3:6], state[6:]
+    held = state[:3] + share * (now - state[:3])
+    size, goal = _sized(held)
+    former_size, former_goal = _sized(state[:3])
+    pressed = size > tracking.floor
+    # How far the goal has gone in this tick, and how far it is away.
+    gone = _across(goal - former_goal, before) * (former_size > tracking.floor)
+    sine, towards = _sized(_across(goal, before))
+    away = ca.atan2(sine, ca.dot(before, goal)) * towards
+    wanted = pressed * _cut((gone + share * (away - gone)) / period, tracking.turn)
+    rate = _across(rate, before)
+    rate += _cut(wanted - rate, tracking.turn * share)
+    speed, along = _sized(rate)
+    angle = speed * period
+    _, turned = _sized(before * ca.cos(angle) + along * ca.sin(angle))
+    following = ca.if_else(ca.dot(rate, rate) > 0, turned, before)
     return ca.vertcat(held, following, (following - before) / period)
+
+
+def _sized(vector: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The length of a vector (3,), and its direction."""
+    size = ca.sqrt(ca.dot(vector, vector) + _NOTHING)
+    return size, vector / size
+
+
+def _across(vector: ca.SX, direction: ca.SX) -> ca.SX:
+    """The part of a vector (3,) across a direction (3,)."""
+    return vector - direction * ca.dot(direction, vector)
+
+
+def _cut(vector: ca.SX, most: float) -> ca.SX:
+    """A vector (3,), shortened to a length of `most` where it is longer."""
+    size, direction = _sized(vector)
+    return ca.if_else(size > most, most * direction, vector)
 
 
 def _share(cutoff: float, period: float) -> float:

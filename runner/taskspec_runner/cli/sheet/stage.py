@@ -79,11 +79,12 @@ def robot_rows(program: Program) -> tuple[tuple[str, str], ...]:
         for v in (tool.radius, tool.thickness, *(tool.size or ()))
         if v is not None
     ]
+    at = "" if tool.com is None else f" at [{', '.join(show(x, 'mm') for x in tool.com)}]"
     return (
         ("robot", f"{robot.name}, {len(robot.joint_names)} joints: {robot.source}"),
         ("flange", f"{robot.flange}"),
         *_joints(robot),
-        ("tool", ", ".join([f"{tool.shape} {' x '.join(sizes)}".rstrip(), show(tool.mass, "g")])),
+        ("tool", f"{tool.shape} {' x '.join(sizes)}".rstrip() + f", {show(tool.mass, 'g')}{at}"),
         *_holds(context.loaded.task.robot.grasp),
         ("start", f"tool tip at [{position}] mm in the world"),
         *protection_rows(context.loaded.task.robot.protection, robot),
