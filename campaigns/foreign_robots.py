@@ -27,7 +27,14 @@ LIST = Path(__file__).with_suffix(".yaml")
 STATES = 50
 _BASE = SimpleNamespace(xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
 _TOOL = SimpleNamespace(
-    shape="sphere", radius=None, size=None, thickness=None, length=None, mass=0.3
+    shape="sphere",
+    radius=None,
+    size=None,
+    thickness=None,
+    length=None,
+    mass=0.3,
+    com=None,
+    inertia=None,
 )
 
 

@@ -13,7 +13,14 @@ from taskspec.robot import load_robot, model_terms
 
 _POSE = SimpleNamespace(xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
 _TOOL = SimpleNamespace(
-    shape="sphere", radius=0.01, size=None, thickness=None, length=0.12, mass=0.3
+    shape="sphere",
+    radius=0.01,
+    size=None,
+    thickness=None,
+    length=0.12,
+    mass=0.3,
+    com=None,
+    inertia=None,
 )
 
 

@@ -25,7 +25,14 @@ from taskspec.shapes import SHAPES
 RNG = np.random.default_rng(4)
 POSE = SimpleNamespace(xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
 TOOL = SimpleNamespace(
-    shape="sphere", radius=0.01, size=None, thickness=None, length=0.12, mass=0.3
+    shape="sphere",
+    radius=0.01,
+    size=None,
+    thickness=None,
+    length=0.12,
+    mass=0.3,
+    com=None,
+    inertia=None,
 )
 AXES = {"planar3": ("x", "y", "rz"), "ur5e": state.AXES, "panda": state.AXES}
 

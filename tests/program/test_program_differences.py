@@ -24,7 +24,14 @@ TOLERANCE = 1e-6
 
 POSE = SimpleNamespace(xyz=(0.1, -0.2, 0.3), rpy=(0.2, 0.1, -0.3))
 TOOL = SimpleNamespace(
-    shape="sphere", radius=0.01, size=None, thickness=None, length=0.12, mass=0.3
+    shape="sphere",
+    radius=0.01,
+    size=None,
+    thickness=None,
+    length=0.12,
+    mass=0.3,
+    com=None,
+    inertia=None,
 )
 ROBOTS = ("planar2", "planar3", "ur5e", "panda")
 
