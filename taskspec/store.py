@@ -14,6 +14,9 @@ VARIABLE = "TASKSPEC_CACHE"
 _MAGIC = b"taskspec store 1\n"
 _DIGEST = hashlib.sha256().digest_size
 _LIMIT = 256 * 1024 * 1024
+#: Share of the limit that is left when files are removed: else the next one that is put would have
+#: the folder looked through again.
+SHRUNK = 0.9
 
 
 def cache_folder() -> Path | None:
@@ -119,7 +122,7 @@ class Store:
         return folder / hashlib.sha256(key.encode()).hexdigest()
 
     def _shrink(self, folder: Path) -> None:
-        """Removes what was not used for longest, until the limit is kept."""
+        """Removes what was not used for longest, until there is room below the limit."""
         entries = []
         for entry in os.scandir(folder):
             # Another process may remove a file first.
@@ -129,7 +132,7 @@ class Store:
                     entries.append((facts.st_mtime_ns, facts.st_size, entry.path))
         size = sum(entry[1] for entry in entries)
         for _, length, path in sorted(entries):
-            if size <= self._limit:
+            if size <= SHRUNK * self._limit:
                 break
             with suppress(OSError):
                 Path(path).unlink()

@@ -19,9 +19,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Else every process that a test starts compiles this package anew; an installed one is compiled.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-# A task that runs once is not worth its machine code, and the numbers are the same.
-os.environ.setdefault("TASKSPEC_LOOP", "python")
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -118,7 +115,7 @@ def _simulation(task: str, overrides: tuple[tuple[str, str], ...], seed: int) ->
                 recorder,
                 program.context.period,
                 seed=seed,
-                loop="python",
+                loop=None,
                 faults=parts.faults,
             )
         history = log.history()

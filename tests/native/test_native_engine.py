@@ -132,8 +132,8 @@ def test_a_store_that_cannot_keep_is_no_error(tmp_path) -> None:
 
 
 def test_a_store_keeps_to_its_size_by_leaving_the_least_used(tmp_path) -> None:
-    # Each file of 100 bytes has a head of 17 + 32.
-    store = Store(tmp_path, limit=3 * 149)
+    # Each file of 100 bytes has a head of 17 + 32; three of them leave a tenth of the limit.
+    store = Store(tmp_path, limit=500)
     for number, key in enumerate("abc"):
         store.put(key, key.encode() * 100)
         path = max(tmp_path.iterdir(), key=lambda p: p.stat().st_mtime_ns)

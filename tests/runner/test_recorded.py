@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from command_line import call
+from mcap_ros2.writer import Writer
 from short_tasks import TAP
 from typer.testing import Result
 
@@ -28,7 +29,7 @@ from taskspec_runner.record.file_array import FileArray
 from taskspec_runner.record.history import History
 from taskspec_runner.recorded import guards, messages, sample_texts, source
 from taskspec_runner.recorded.column_map import SCHEMA_FILE, read_columns, schema_text
-from taskspec_runner.recorded.messages import _Definition
+from taskspec_runner.recorded.messages import read_mcap
 from taskspec_runner.recorded.recording import read_recording
 from taskspec_runner.recorded.ticks import Ticks
 from taskspec_runner.runs import Run
@@ -123,7 +124,7 @@ def test_own_export_needs_no_map_and_is_judged_as_the_run_was(
         np.testing.assert_array_equal(again.history.columns[name], values)
     assert again.stages == run.stages
     said = again.manifest["recorded"]
-    assert (said["log"], said["stages"]) == (str(log.absolute()), "column")
+    assert (said["log"], said["stages"]) == (log.name, "column")
     assert len(said["sha256"]) == 64
     assert "3 of 3 expectations met; as measured" in result.stdout
     assert call("judge", tmp_path / "out").exit_code == 0
@@ -303,7 +304,7 @@ def log(tap: Run, tmp_path: Path) -> Path:
     ("said", "told"),
     [
         (GOOD.replace("column: Fx", "colum: Fx"), ":4:13: error[TS020]: unknown key 'colum'"),
-        (GOOD.replace("unit: N", "unit: Newton"), "error[TS111]: unknown unit 'Newton'"),
+        (GOOD.replace("unit: N", "unit: Ntn"), "error[TS111]: unknown unit 'Ntn'"),
         (GOOD.replace("unit: N", "unit: mm"), "force.x is a force (N), and mm is a length (m)"),
         (GOOD.replace("{column: Fx, unit: N}", "{unit: N}"), "'force.x' needs the key 'column'"),
         (GOOD.replace("Fx,", "Fy,"), "has no column 'Fy'; columns: clock, stage, Fx"),
@@ -425,12 +426,18 @@ def test_log_in_the_folder_that_is_written_is_kept(tap: Run, task: Path) -> None
 
 
 def test_guard_that_a_log_cannot_show_is_named(run: Run, tmp_path: Path) -> None:
+    """Moves that are done end a stage; where it is the last one, the log ends with it."""
     columns = table(run.history)
     del columns["stage"]
     log = tmp_path / "log.parquet"
     schema = [pa.field(n, pa.float64(), metadata={"unit": run.history.units[n]}) for n in columns]
     pq.write_table(pa.table([*map(pa.array, columns.values())], schema=pa.schema(schema)), log)
-    result = judged(SHIPPED, log, tmp_path / "out")
+    assert judged(SHIPPED, log, tmp_path / "out").exit_code == 0
+    assert (read(tmp_path / "out").history.stages == run.history.stages).all()
+    task = tmp_path / "more.yaml"
+    more = "  again: {axes: {z: {move: 1 mm}}}\nexpect:"
+    task.write_text(SHIPPED.read_text().replace("\nexpect:", f"\n{more}", 1))
+    result = judged(task, log, tmp_path / "more")
     assert result.exit_code == 2
     assert "ends when its moves are done" in result.stderr
     assert "'stages'" in result.stderr
@@ -448,21 +455,21 @@ def test_rule_of_resampling() -> None:
     assert ticks.values(times, values, held=True).tolist() == [0.0, 10.0, 10.0, 50.0]
 
 
-def test_messages_whose_texts_and_lists_differ_in_length() -> None:
-    """CDR by hand: a text, then a list of numbers that is aligned behind it."""
-    text = "string name\nfloat64[] values\nuint8 last\n"
-    for name, count in (("ab", 1), ("abcdef", 3)):
-        content = name.encode() + b"\0"
-        data = b"\0\1\0\0" + len(content).to_bytes(4, "little") + content
-        data += bytes(-(len(data) - 4) % 4) + count.to_bytes(4, "little")
-        data += bytes(-(len(data) - 4) % 8) + np.arange(1.0, count + 1).tobytes() + b"\7"
-        layout = _Definition("pkg/msg/X", text).layout(data)
-        at, length = layout.texts["name"]
-        assert data[at : at + length].decode() == name
-        for i in range(count):
-            at, kind = layout.numbers[f"values[{i}]"]
-            assert np.frombuffer(data, f"<{kind}", 1, at)[0] == i + 1
-        assert data[layout.numbers["last"][0]] == 7
+def test_messages_whose_texts_and_lists_differ_in_length(tmp_path: Path) -> None:
+    """A text, then a list of numbers that is aligned behind it, as another library writes them."""
+    definition = "string name\nfloat64[] values\nuint8 last\n"
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file, Writer(file) as writer:
+        schema = writer.register_msgdef("pkg/msg/X", definition)
+        for number, (name, count) in enumerate((("ab", 1), ("abcdef", 3))):
+            message = {"name": name, "values": [*map(float, range(1, count + 1))], "last": 7}
+            writer.write_message("/x", schema, message, log_time=number, publish_time=number)
+    log = read_mcap(path)
+    assert log.words("/x.name").names == ("ab", "abcdef")
+    read = log.numbers(["/x.values[0]", "/x.values[2]", "/x.last"])
+    assert {name: values.tolist() for name, values in read.items()} == {
+        "/x.values[0]": [1, 1], "/x.values[2]": [3], "/x.last": [7, 7]}  # fmt: skip
+    assert log.times("/x.values[2]", ()).tolist() == [1e-9]
 
 
 @pytest.mark.parametrize(

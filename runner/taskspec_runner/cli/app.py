@@ -252,8 +252,13 @@ def report(
 def judge(
     *,
     what: Annotated[
-        Path, typer.Argument(metavar="RUN|FILE", help="The folder of a run; or a task file.")
-    ],
+        Path | None,
+        typer.Argument(
+            metavar="RUN|FILE",
+            help="The folder of a run; or a task file.",
+            show_default=False,
+        ),
+    ] = None,
     log: Annotated[
         Path | None,
         typer.Argument(
@@ -265,7 +270,9 @@ def judge(
     columns: Annotated[
         Path | None,
         typer.Option(
-            metavar="MAP", help="Which of its columns is which signal, in which unit (YAML)."
+            metavar="MAP",
+            help="Which of its columns is which signal, in which unit: a file (YAML), or the name "
+            "of a ready map; 'list' prints those.",
         ),
     ] = None,
     out: Annotated[
@@ -280,8 +287,12 @@ def judge(
     form: Annotated[RunFormat, typer.Option("--format", help="Of the judgement.")] = RunFormat.TEXT,
 ) -> int:
     """Judge a run again from its log; or judge what was recorded elsewhere by a task file."""
-    from taskspec_runner.cli.judge import judge_folder, judge_log
+    from taskspec_runner.cli.judge import judge_folder, judge_log, list_maps
 
+    if columns == Path("list") and what is None:
+        return list_maps()
+    if what is None:
+        raise typer.BadParameter("name a run; or a task file and a log", param_hint="RUN|FILE")
     if log is None:
         return judge_folder(what, form, recorded=bool(columns or out or given.sets))
     return judge_log(what, log, columns, out, given.sets, form, quiet=quiet)

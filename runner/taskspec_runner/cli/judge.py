@@ -62,6 +62,25 @@ def judge_log(
     return run.exit_code
 
 
+def list_maps() -> int:
+    """Prints the ready column maps: for which logs, from which source, what they assume."""
+    from rich.padding import Padding
+    from rich.text import Text
+
+    from taskspec_runner.recorded.column_map import read_columns, ready_maps
+
+    for name, path in ready_maps().items():
+        said = read_columns(path).map
+        show(Text(name, style="bold"))
+        for title, text in (
+            ("for", said.about),
+            ("source", said.source),
+            ("assumes", said.assumes),
+        ):
+            show(Padding(Text(f"{title}: {text}"), (0, 0, 0, 2)))
+    return _GOOD
+
+
 def judge_folder(folder: Path, form: RunFormat, *, recorded: bool = False) -> int:
     """Judges the log of a run again.
 

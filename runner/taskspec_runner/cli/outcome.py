@@ -17,7 +17,7 @@ from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
 from taskspec_runner.verdict.judged import title_of
 from taskspec_runner.verdict.limit_effects import sentences
-from taskspec_runner.verdict.outcome import is_measured
+from taskspec_runner.verdict.outcome import is_measured, mirrored
 from taskspec_runner.verdict.protected import sentences as near
 
 if TYPE_CHECKING:
@@ -47,7 +47,13 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
             show(line)
         if "link" in run.summary:
             show(sentence(run.summary["link"]))
-        for line in (*_forced(run.summary), *sentences(run.summary), *_lost(run.summary), *steps):
+        for line in (
+            *mirrored(run),
+            *_forced(run.summary),
+            *sentences(run.summary),
+            *_lost(run.summary),
+            *steps,
+        ):
             show(Text(line, style="yellow"))
     for fault in run.faults:
         show(Text(fault.line, style="red"))

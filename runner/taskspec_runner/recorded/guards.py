@@ -7,7 +7,7 @@ tick ends nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -70,19 +70,24 @@ class GuardWalk:
     """Walks a log from stage to stage."""
 
     def __init__(
-        self, program: Program, columns: Mapping[str, Vector], ticks: Ticks, what: str
+        self,
+        program: Program,
+        columns: Callable[[CompiledStage], Mapping[str, Vector]],
+        ticks: Ticks,
+        what: str,
     ) -> None:
         """Takes what was recorded.
 
         Args:
             program: of the task.
-            columns: (ticks,) of every signal.
+            columns: (ticks,) of every signal, in the axes of a stage; the same mapping for the
+                same axes.
             ticks: of the log.
             what: the columns are of, for messages.
         """
-        self._columns, self._what = columns, what
+        self._columns_of, self._what = columns, what
         self._over, self._ticks, self._period = ticks, ticks.count, ticks.period
-        self._filled: dict[str, Vector] = {}
+        self._filled: dict[tuple[int, str], Vector] = {}
         self._stages = {stage.name: stage for stage in program.stages}
         task = program.context.loaded.task
         objects = {name: thing.kind for name, thing in task.world.items()}
@@ -149,12 +154,17 @@ class GuardWalk:
             given = (axis.given for axis in spec.axes.values())
             moves = any(mode is not None and mode.ends for mode in given)
             if spec.time is None or moves or spec.path is not None:
-                raise InputError(
-                    f"stage '{stage.name}' ends when its moves are done, which no guard shows in a "
-                    "log; state the stages by a column ('stage') or by times ('stages') in the map"
-                )
-            over = t >= spec.time - self._period / 2
-            found += self._by_way(stage, over, events.Event(events.DONE, "done", "time"), rows, t)
+                # What ends the last stage ends the task, and the log with it.
+                if not self._is_last(stage):
+                    raise InputError(
+                        f"stage '{stage.name}' ends when its moves are done, which no guard shows "
+                        "in a log; state the stages by a column ('stage') or by times ('stages') "
+                        "in the map"
+                    )
+            else:
+                over = t >= spec.time - self._period / 2
+                done = events.Event(events.DONE, "done", "time")
+                found += self._by_way(stage, over, done, rows, t)
         first, event = rows.stop, None
         for holds, each in found:
             # The first tick of a stage ends nothing.
@@ -162,6 +172,12 @@ class GuardWalk:
             if len(ends) and start + 1 + int(ends[0]) < first:
                 first, event = start + 1 + int(ends[0]), each
         return first, event
+
+    def _is_last(self, stage: CompiledStage) -> bool:
+        """Whether the task ends as soon as a stage is done."""
+        spec = stage.plan.spec
+        last = stage.name == [*self._stages][-1]
+        return last and spec.repeat <= 1 and set(spec.targets(END)) == {END}
 
     def _by_way(
         self, stage: CompiledStage, holds: Mask, event: events.Event, rows: slice, t: Vector
@@ -208,7 +224,7 @@ class GuardWalk:
         if meaning.kind == "signal" and meaning.axis and meaning.axis not in stage.plan.axes:
             return Series.one(0.0)
         column = column_of(meaning)
-        values = self._measured(column)
+        values = self._measured(column, self._columns_of(stage))
         if values is None:
             raise InputError(
                 f"the {kind} of stage '{stage.name}' needs {name}, which was not recorded; record "
@@ -216,19 +232,19 @@ class GuardWalk:
             )
         return Series(values[rows])
 
-    def _measured(self, column: str) -> Vector | None:
+    def _measured(self, column: str, columns: Mapping[str, Vector]) -> Vector | None:
         """What a controller would have measured: the measured value where there is one beside."""
         if column == "touching":
-            axes = [self._measured(f"force.{axis}") for axis in TRANSLATIONS]
+            axes = [self._measured(f"force.{axis}", columns) for axis in TRANSLATIONS]
             forces = [values for values in axes if values is not None]
             if len(forces) == len(axes):
                 size = np.sqrt(sum(values**2 for values in forces))
                 return (size > TOUCHING).astype(float)
-        name = f"{column}.measured" if f"{column}.measured" in self._columns else column
-        if name in self._columns and name not in self._filled:
+        name = f"{column}.measured" if f"{column}.measured" in columns else column
+        key = (id(columns), name)
+        if name in columns and key not in self._filled:
             # What has no value in whole stages is examined where it has one.
-            values = self._columns[name]
             what = f"{self._what}: {name}"
             sparse = column.endswith("gap")
-            self._filled[name] = filled(values, self._over, what, sparse=sparse)
-        return self._filled.get(name)
+            self._filled[key] = filled(columns[name], self._over, what, sparse=sparse)
+        return self._filled.get(key)

@@ -1,22 +1,22 @@
-"""An MCAP log of ROS 2 messages as columns: every number of every message, by topic and field.
+"""An MCAP log of messages as columns: every number and text of every message, by topic and field.
 
-Messages are CDR, whose fields stand where their definition says. Where all messages of a topic have
-the same lengths of texts and lists, a field has one place in all of them, and is read at once.
+Messages of ROS 2 are decoded by rosbags, with the definitions (`ros2msg`, `ros2idl`) in the file;
+those of JSON say their fields themselves.
 """
 
 from __future__ import annotations
 
+import json
+import math
 import re
-import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import InputError
 from taskspec_runner.export.missing import library
 from taskspec_runner.record.file_array import blocks
@@ -26,14 +26,10 @@ from taskspec_runner.record.whole import open_regular
 from taskspec_runner.recorded.sample_texts import SampleTexts, SampleTextsBuilder
 
 Vector = NDArray[np.float64]
+#: The fields of a message, as objects with attributes, mappings, lists, numbers and texts.
+Decoder = Callable[[bytes], Any]
 
 MAGIC = b"\x89MCAP0\r\n"
-_SIZES = {
-    "bool": "u1", "byte": "u1", "char": "u1", "uint8": "u1", "int8": "i1", "uint16": "u2",
-    "int16": "i2", "uint32": "u4", "int32": "i4", "uint64": "u8", "int64": "i8", "float32": "f4",
-    "float64": "f8",
-}  # fmt: skip
-_FIELD = re.compile(r"\A([\w/]+)(?:<=\d+)?(\[(?:<=)?(\d*)\])?\s+(\w+)\s*(=?)")
 #: Units of messages that ROS 2 defines (REP 103), by what their fields begin with.
 _SI = {
     "JointState": {"position": "rad", "velocity": "rad/s", "effort": "N*m"},
@@ -46,124 +42,17 @@ _SI = {
 }
 #: Numbers that one list may bring as columns; a longer one is a picture or a point cloud.
 _LONGEST_LIST = 64
-#: Messages of a topic that are taken apart at a time, and how many bytes of them.
-_MESSAGES, _WAITING = 1 << 14, 1 << 23
-
-
-class _TornError(Exception):
-    """A message ends before its last field."""
-
-
-@dataclass(slots=True)
-class _Layout:
-    """Where the fields of a message stand.
-
-    Attributes:
-        numbers: path to offset and type.
-        texts: path to offset and length [bytes].
-        counts: offset of each length to it, which other messages must have too.
-    """
-
-    numbers: dict[str, tuple[int, str]] = field(default_factory=dict)
-    texts: dict[str, tuple[int, int]] = field(default_factory=dict)
-    counts: dict[int, int] = field(default_factory=dict)
-
-
-class _Definition:
-    """A message of ROS 2, from its text."""
-
-    def __init__(self, name: str, text: str) -> None:
-        self._kinds: dict[str, list[tuple[str, bool, int | None, str]]] = {}
-        parts = re.split(r"^=+\s*$", text, flags=re.M)
-        self._root = name
-        self._kinds[name] = _fields(parts[0])
-        for part in parts[1:]:
-            head, _, body = part.strip().partition("\n")
-            self._kinds[head.removeprefix("MSG:").strip()] = _fields(body)
-
-    def layout(self, data: bytes) -> _Layout:
-        """Where the fields of one message stand.
-
-        Raises:
-            _TornError: it ends early.
-        """
-        walk = _Walk(self._kinds, data)
-        try:
-            walk.message(self._root, "")
-        except struct.error as error:
-            raise _TornError from error
-        if walk.at > len(data):
-            raise _TornError
-        return walk.layout
-
-
-class _Walk:
-    def __init__(
-        self, kinds: Mapping[str, list[tuple[str, bool, int | None, str]]], data: bytes
-    ) -> None:
-        self._kinds, self._data, self.at = kinds, data, 4
-        self.layout = _Layout()
-
-    def message(self, kind: str, path: str) -> None:
-        fields = self._kinds.get(kind)
-        if fields is None:
-            short = kind.replace("/msg/", "/")
-            near = (name for name in self._kinds if name.rpartition("/")[2] == short)
-            fields = self._kinds.get(short) or self._kinds.get(next(near, ""))
-        if fields is None:
-            raise InputError(f"the definition of message {kind} is missing")
-        for own, listed, count, name in fields:
-            where = f"{path}.{name}" if path else name
-            if not listed:
-                self._one(own, where)
-                continue
-            number = self._count() if count is None else count
-            for i in range(number):
-                self._one(own, f"{where}[{i}]" if number <= _LONGEST_LIST else "")
-
-    def _one(self, kind: str, path: str) -> None:
-        if kind in _SIZES:
-            size = int(_SIZES[kind][1])
-            self._align(size)
-            if path:
-                self.layout.numbers[path] = (self.at, _SIZES[kind])
-            self.at += size
-        elif kind in ("string", "wstring"):
-            length = self._count()
-            if path:
-                self.layout.texts[path] = (self.at, max(length - 1, 0))
-            self.at += length
-        else:
-            self.message(kind, path)
-
-    def _count(self) -> int:
-        self._align(4)
-        (number,) = struct.unpack_from("<I", self._data, self.at)
-        if number > len(self._data):
-            raise _TornError
-        self.layout.counts[self.at] = number
-        self.at += 4
-        return int(number)
-
-    def _align(self, to: int) -> None:
-        # Alignment counts from behind the four bytes of the encapsulation.
-        self.at += -(self.at - 4) % to
-
-
-def _fields(text: str) -> list[tuple[str, bool, int | None, str]]:
-    found = []
-    for line in text.splitlines():
-        match = _FIELD.match(line.partition("#")[0].strip())
-        if match and not match[5]:
-            count = int(match[3]) if match[2] and match[3] and "<=" not in match[2] else None
-            found.append((match[1], bool(match[2]), count, match[4]))
-    return found
+#: What a message is made of beside messages and nothing.
+_SINGLE, _LISTS = (float, int, str), (list, np.ndarray)
+#: Messages of a topic that are in memory at a time.
+_MESSAGES = 1 << 12
 
 
 class MessageLog:
     """The columns of an MCAP file, such as `/wrench.wrench.force.z`."""
 
     timed, form = True, "MCAP"
+    lines: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, path: Path, topics: Mapping[str, _Topic], units: Mapping[str, str]) -> None:
         """Takes the topics of a file and the units of their fields, by topic and field."""
@@ -177,26 +66,39 @@ class MessageLog:
         """(n,) values of fields in all messages of their topics."""
         found = {}
         for name in names:
-            topic, field_name = self._field(name)
-            if field_name in topic.texts:
+            topic, field = self._field(name)
+            if field in topic.texts:
                 raise InputError(f"{self.path}: field '{name}' is not of numbers")
-            found[name] = topic.numbers[field_name].values(np.float64)
+            found[name] = topic.numbers[field].values(np.float64)
         return found
 
     def words(self, name: str) -> SampleTexts:
         """Values of a field as texts."""
-        topic, field_name = self._field(name)
-        if field_name in topic.texts:
-            return topic.texts[field_name].words(f"{self.path}: field '{name}'")
-        builder, values = SampleTextsBuilder(), topic.numbers[field_name].values(np.float64)
+        topic, field = self._field(name)
+        if field in topic.texts:
+            return topic.texts[field].words(f"{self.path}: field '{name}'")
+        builder, values = SampleTextsBuilder(), topic.numbers[field].values(np.float64)
         for part in blocks(len(values)):
             builder.add([f"{value:g}" for value in values[part].tolist()])
         return builder.words(f"{self.path}: field '{name}'")
 
-    def times(self, name: str) -> Vector:
-        """(n,) times of its messages, since the first message of the log [s]."""
-        topic, field_name = self._field(name)
-        return topic.times(field_name)
+    def times(self, name: str, stamp: Sequence[str]) -> Vector:
+        """(n,) times of its messages, since the first message of the log [s].
+
+        Raises:
+            InputError: the messages have no such stamp.
+        """
+        topic, field = self._field(name)
+        if not stamp:
+            return topic.times(field, ())
+        if len(stamp) == 1:
+            # `header.stamp` is its seconds and its nanoseconds, the shorter name first.
+            parts = [key for key in topic.numbers if key.startswith(f"{stamp[0]}.")]
+            stamp = sorted(parts, key=len)
+        if len(stamp) != 2 or any(key not in topic.numbers for key in stamp):
+            topic_name = name.removesuffix(f".{field}")
+            raise InputError(f"{self.path}: messages of {topic_name} have no stamp of that name")
+        return topic.times(field, (stamp[0], stamp[1]))
 
     def place(self, name: str, row: int) -> str:
         """The number of a message."""
@@ -213,11 +115,6 @@ class _Grown:
         self._parts.append(self._kept.put(np.ascontiguousarray(values)))
         self.count += len(values)
 
-    def count_on(self, first: int, count: int) -> None:
-        """Adds numbers that follow each other."""
-        self._parts.append(lambda: np.arange(first, first + count))
-        self.count += count
-
     def values(self, dtype: Any) -> NDArray[Any]:
         return gathered((part() for part in self._parts), self.count, np.dtype(dtype))
 
@@ -232,62 +129,135 @@ class _Topic:
         begin: time stamp from which times count [ns].
     """
 
-    def __init__(self, definition: _Definition, kept: KeptArrays) -> None:
+    def __init__(self, decode: Decoder, kept: KeptArrays) -> None:
         self.numbers: dict[str, _Grown] = {}
         self.texts: dict[str, SampleTextsBuilder] = {}
-        self._definition, self._kept = definition, kept
+        self._decode, self._kept = decode, kept
         self._stamps = _Grown(kept)
         #: Numbers of the messages that a field is in.
         self._rows: dict[str, _Grown] = {}
-        self._waiting: list[bytes] = []
+        #: Values, and messages that they are in, of fields that are in memory.
+        self._waiting: dict[str, tuple[list[Any], list[int]]] = {}
         self._waiting_stamps: list[int] = []
-        self._bytes, self.first, self.begin = 0, 0, 0
-        self._times: dict[str, Vector] = {}
+        self.first, self.begin = 0, 0
+        self._times: dict[tuple[str, tuple[str, ...]], Vector] = {}
 
     def add(self, stamp: int, data: bytes) -> None:
-        """Takes a message.
-
-        Raises:
-            _TornError: it, or one before, ends early.
-        """
-        if not self._stamps.count and not self._waiting:
+        """Takes a message, which raises whatever a damaged one lets the decoder raise."""
+        if not self._stamps.count and not self._waiting_stamps:
             self.first = stamp
+        row = len(self._waiting_stamps)
         self._waiting_stamps.append(stamp)
-        self._waiting.append(data)
-        self._bytes += len(data)
-        if len(self._waiting) == _MESSAGES or self._bytes > _WAITING:
+        leaves: dict[str, Any] = {}
+        _leaves(self._decode(data), "", leaves)
+        for name, value in leaves.items():
+            values, rows = self._waiting.setdefault(name, ([], []))
+            values.append(value)
+            rows.append(row)
+        if row + 1 == _MESSAGES:
             self.finish()
 
     def finish(self) -> None:
-        """Takes the fields out of the messages that wait."""
-        before, data = self._stamps.count, self._waiting
-        for name, rows, values in _fields_of(self._definition, data):
-            if isinstance(values, list):
-                self.texts.setdefault(name, SampleTextsBuilder()).add(values)
+        """Puts away what waits."""
+        before = self._stamps.count
+        for name, (values, rows) in self._waiting.items():
+            if name in self.texts or (name not in self.numbers and isinstance(values[0], str)):
+                self.texts.setdefault(name, SampleTextsBuilder()).add([*map(str, values)])
             else:
-                self.numbers.setdefault(name, _Grown(self._kept)).add(values)
-            having = self._rows.setdefault(name, _Grown(self._kept))
-            if len(rows) == len(data):
-                having.count_on(before, len(data))
-            else:
-                having.add(before + rows)
-        if data:
+                numbers = np.array([*map(_number, values)], dtype=np.float64)
+                self.numbers.setdefault(name, _Grown(self._kept)).add(numbers)
+            having = np.array(rows, dtype=np.int64) + before
+            self._rows.setdefault(name, _Grown(self._kept)).add(having)
+        if self._waiting_stamps:
             self._stamps.add(np.array(self._waiting_stamps, dtype=np.int64))
-        self._waiting, self._waiting_stamps, self._bytes = [], [], 0
+        self._waiting, self._waiting_stamps = {}, []
 
     @property
     def fields(self) -> Iterator[str]:
         """The fields of all its messages."""
         return iter(self._rows)
 
-    def times(self, name: str) -> Vector:
-        """(n,) times of the messages with a field [s]; the same array for fields of all of them."""
+    def times(self, name: str, stamp: tuple[str, ...]) -> Vector:
+        """(n,) times of the messages with a field [s]; the same array for fields of all of them.
+
+        Args:
+            name: of the field.
+            stamp: fields of seconds and nanoseconds; empty for when messages were logged.
+        """
         every = self._rows[name].count == self._stamps.count
-        key = "" if every else name
+        key = ("" if every else name, stamp)
         if key not in self._times:
-            times = (self._stamps.values(np.int64) - self.begin) / 1e9
+            if stamp:
+                parts = [self.numbers[each].values(np.int64) for each in stamp]
+                stamps = parts[0] * 1_000_000_000 + parts[1]
+            else:
+                stamps = self._stamps.values(np.int64)
+            times = (stamps - self.begin) / 1e9
             self._times[key] = times if every else times[self._rows[name].values(np.int64)]
         return self._times[key]
+
+
+def _number(value: object) -> float:
+    """A number of a message; JSON has no sign for one that is none."""
+    if isinstance(value, str):
+        return float(value) if value.lower() in ("nan", "inf", "-inf", "infinity") else math.nan
+    return float(value)  # type: ignore[arg-type]
+
+
+def _leaves(value: Any, path: str, into: dict[str, Any]) -> None:
+    """Puts the numbers and texts of a message into a mapping, by the way to them.
+
+    That is `wrench.force.z`. Fields of a joint state are there by the names of the joints too, as
+    `position[elbow]`: their order is that of whoever sent the message.
+    """
+    if isinstance(value, _SINGLE):
+        into[path] = value
+    elif isinstance(value, _LISTS):
+        if len(value) <= _LONGEST_LIST:
+            parts = value.tolist() if isinstance(value, np.ndarray) else value
+            for i, part in enumerate(parts):
+                _leaves(part, f"{path}[{i}]", into)
+    elif value is not None:
+        fields = value if isinstance(value, dict) else vars(value)
+        for key, part in fields.items():
+            _leaves(part, f"{path}.{key}" if path else key, into)
+        if "name" in fields:
+            _by_joint(fields, path, into)
+
+
+def _by_joint(message: Mapping[str, Any], path: str, into: dict[str, Any]) -> None:
+    names = message["name"]
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        return
+    for field in ("position", "velocity", "effort"):
+        values = message.get(field)
+        if isinstance(values, list | np.ndarray) and len(values) == len(names):
+            head = f"{path}.{field}" if path else field
+            into.update((f"{head}[{n}]", float(v)) for n, v in zip(names, values, strict=True))
+
+
+def _decoder(schema: Any, channel: Any) -> Decoder | None:
+    """What takes the messages of a channel apart; None for those of another kind.
+
+    Raises:
+        Exception: whatever a damaged definition lets the library raise.
+    """
+    if channel.message_encoding == "json":
+        return json.loads
+    if schema is None or schema.encoding not in ("ros2msg", "ros2idl"):
+        return None
+    typesys = library("rosbags.typesys", "a log of ROS 2", "mcap")
+    store, text = typesys.get_typestore(typesys.Stores.EMPTY), schema.data.decode()
+    package, _, kind = schema.name.replace("/msg/", "/").partition("/")
+    name = f"{package}/msg/{kind}"
+    if schema.encoding == "ros2msg":
+        store.register(typesys.get_types_from_msg(text, name))
+    else:
+        known: dict[str, Any] = {}
+        for part in re.split(r"^=+\s*^IDL: .*$", text, flags=re.M):
+            known |= typesys.get_types_from_idl(part) if part.strip() else {}
+        store.register(known)
+    return lambda data: store.deserialize_cdr(data, name)
 
 
 def _messages(path: Path) -> Iterator[tuple[Any, Any, Any]]:
@@ -317,88 +287,63 @@ def _stated(path: Path, channel: Any) -> Mapping[str, Any]:
 
 
 def read_mcap(path: Path) -> MessageLog:
-    """An MCAP file of ROS 2 messages; times are those at which they were logged.
+    """An MCAP file of messages of ROS 2 or JSON; times are those at which they were logged.
 
     Raises:
-        MissingLibraryError: the library mcap is not installed.
+        MissingLibraryError: the libraries mcap and rosbags are not installed.
         InputError: it is no such file, cut short, or without a message that can be read.
     """
     library("mcap.reader", "MCAP", "mcap")
     topics: dict[str, tuple[Any, Any, _Topic]] = {}
-    kept, topic = KeptArrays(), ""
-    try:
-        for schema, channel, message in _messages(path):
-            if schema is not None and schema.encoding == "ros2msg":
-                topic = channel.topic
-                if topic not in topics:
-                    definition = _Definition(schema.name, schema.data.decode())
-                    topics[topic] = schema, channel, _Topic(definition, kept)
-                topics[topic][2].add(message.log_time, message.data)
-        for topic in topics:
-            topics[topic][2].finish()
-    except _TornError:
-        raise InputError(f"cannot read {path}: a message of {topic} is cut short") from None
-    except (RecursionError, ValueError) as error:
-        said = " ".join(str(error).split())
-        raise InputError(
-            f"cannot read {path}: {topic} has a damaged definition ({said})"
-        ) from error
+    kept, others = KeptArrays(), set[str]()
+    for schema, channel, message in _messages(path):
+        topic = channel.topic
+        if topic in others:
+            continue
+        if topic not in topics:
+            decode = _decoder_of(path, schema, channel)
+            if decode is None:
+                others.add(topic)
+                continue
+            topics[topic] = schema, channel, _Topic(decode, kept)
+        _take(path, topics[topic][2], topic, message)
+    for _, _, own in topics.values():
+        own.finish()
     if not topics:
-        raise InputError(f"cannot read {path}: it holds no message of ROS 2 (ros2msg, CDR)")
+        hint = f"; it has {', '.join(sorted(others))}" if others else ""
+        raise InputError(
+            f"cannot read {path}: it holds no message of ROS 2 (ros2msg, ros2idl) or JSON{hint}"
+        )
     begin = min(own.first for _, _, own in topics.values())
     units: dict[str, str] = {}
     for topic, (schema, channel, own) in topics.items():
         own.begin = begin
         stated = _stated(path, channel)
-        known = _SI.get(schema.name.rpartition("/")[2], {})
+        kind = schema.name.replace(".", "/").rpartition("/")[2] if schema is not None else ""
+        known = _SI.get(kind, {})
         for name in own.fields:
             usual = (unit for begins, unit in known.items() if name.startswith(begins))
             units[f"{topic}.{name}"] = str(stated.get(name, "")) or next(usual, "")
     return MessageLog(path, {topic: own for topic, (_, _, own) in topics.items()}, units)
 
 
-def _fields_of(
-    definition: _Definition, data: Sequence[bytes]
-) -> Iterator[tuple[str, NDArray[np.int64], Any]]:
-    """Each field of some messages: those that have it, in order, and its values in them."""
-    rows = np.arange(len(data))
-    parts: dict[str, list[tuple[NDArray[np.int64], Any]]] = {}
-    while len(rows):
-        # All messages with the lengths of the first are read at once, then the rest.
-        first = data[rows[0]]
-        layout = definition.layout(first)
-        same = np.array([len(data[row]) == len(first) for row in rows.tolist()])
-        block = np.frombuffer(b"".join(data[row] for row in rows[same].tolist()), dtype=np.uint8)
-        block = block.reshape(-1, len(first))
-        fits = np.ones(len(block), dtype=bool)
-        for at, number in layout.counts.items():
-            fits &= _read(block, at, "u4") == number
-        chosen = rows[same][fits]
-        for name, (at, kind) in layout.numbers.items():
-            values = _read(block[fits], at, kind).astype(float)
-            parts.setdefault(name, []).append((chosen, values))
-        for name, (at, length) in layout.texts.items():
-            texts = np.ascontiguousarray(block[fits, at : at + length]).tobytes()
-            words = [
-                texts[i * length : (i + 1) * length].decode("utf-8", "replace")
-                for i in range(len(chosen))
-            ]
-            parts.setdefault(name, []).append((chosen, words))
-        rows = np.concatenate([rows[same][~fits], rows[~same]])
-        rows.sort()
-    for name, found in parts.items():
-        yield name, *_joined(found)
+def _decoder_of(path: Path, schema: Any, channel: Any) -> Decoder | None:
+    try:
+        return _decoder(schema, channel)
+    except InputError:
+        raise
+    except Exception as error:
+        said = " ".join(str(error).split())[:200]
+        raise InputError(
+            f"cannot read {path}: {channel.topic} has a damaged definition ({said})"
+        ) from error
 
 
-def _read(block: NDArray[np.uint8], at: int, kind: str) -> NDArray[Any]:
-    size = int(kind[1])
-    return np.ascontiguousarray(block[:, at : at + size]).view(f"<{kind}")[:, 0]
-
-
-def _joined(parts: Sequence[tuple[NDArray[np.int64], Any]]) -> tuple[NDArray[np.int64], Any]:
-    rows = np.concatenate([chosen for chosen, _ in parts])
-    order = np.argsort(rows, kind="stable")
-    if isinstance(parts[0][1], list):
-        words = [word for _, part in parts for word in part]
-        return rows[order], [words[i] for i in order.tolist()]
-    return rows[order], np.concatenate([part for _, part in parts])[order]
+def _take(path: Path, own: _Topic, topic: str, message: Any) -> None:
+    try:
+        own.add(message.log_time, message.data)
+    except Exception as error:
+        said = " ".join(str(error).split())[:200] or type(error).__name__
+        raise InputError(
+            f"cannot read {path}: a message of {topic} is cut short or damaged ({said})"
+        ) from error

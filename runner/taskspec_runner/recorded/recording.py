@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import TRANSLATIONS
 from taskspec.program.program import Program
+from taskspec.program.stages.stage import CompiledStage
 from taskspec.signals import SCALARS
 from taskspec.signals.entries import TOUCHING
 from taskspec.text.suggest import suggestion
@@ -26,7 +27,8 @@ from taskspec_runner.recorded.column_map import Columns
 from taskspec_runner.recorded.guards import GuardWalk
 from taskspec_runner.recorded.sample_texts import SampleTexts
 from taskspec_runner.recorded.source import LogSource, open_source
-from taskspec_runner.recorded.ticks import BRIDGED, NEAR, Ticks, check_rate, check_times, filled
+from taskspec_runner.recorded.ticks import BRIDGED, NEAR, Ticks, check_rate, filled
+from taskspec_runner.recorded.wrench import WrenchTurn
 
 Vector = NDArray[np.float64]
 
@@ -49,22 +51,28 @@ class ForeignLog:
     facts: dict[str, Any]
 
 
-def read_recording(program: Program, log: Path, columns: Columns) -> ForeignLog:
+def read_recording(
+    program: Program, log: Path, columns: Columns, *, mirrored: bool = False
+) -> ForeignLog:
     """A log at the ticks of a task.
 
     Args:
         program: of the task.
         log: a CSV, Parquet or MCAP file.
         columns: which of its columns is which signal.
+        mirrored: whether forces and moments are taken with the opposite sign.
 
     Raises:
         InputError: log or map cannot be used; the message says what, where and what to do.
     """
-    return _Reading(program, open_source(log), columns).recording()
+    header = None if columns.map.header is None else int(columns.map.header)
+    return _Reading(program, open_source(log, header), columns, mirrored).recording()
 
 
 class _Reading:
-    def __init__(self, program: Program, source: LogSource, columns: Columns) -> None:
+    def __init__(
+        self, program: Program, source: LogSource, columns: Columns, mirrored: bool
+    ) -> None:
         self._program, self._source, self._columns = program, source, columns
         self._period = program.context.period
         layout = LogLayout.of(program, program.context.loaded.task, linked=True)
@@ -73,13 +81,16 @@ class _Reading:
             name: parse_unit(unit).dimension if unit else NUMBER
             for name, unit in self._units.items()
         }
-        self._assignment = Assignment(source, columns, dimensions)
+        joints = program.context.robot.joint_names
+        self._assignment = Assignment(source, columns, dimensions, joints, mirrored=mirrored)
         self._gap = columns.map.gap or BRIDGED * self._period
 
     def recording(self) -> ForeignLog:
         signals, staged = self._assignment.signals(), self._assignment.stages()
         start, ticks = self._ticks(signals, staged)
         assigned = {each.name: each.as_data() for each in signals}
+        clocks = self._clocks(signals)
+        turn = WrenchTurn(self._program, signals, [*self._units], self._assignment.numbers)
         values = {each.name: self._at(each, start, ticks) for each in signals}
         # As recorded they are needed no more.
         del signals
@@ -88,27 +99,59 @@ class _Reading:
         if staged is not None:
             found_by, visits = BY_COLUMN, self._by_column(staged, start, ticks)
         elif self._columns.map.stages is not None:
-            found_by, visits = BY_TIMES, self._by_times(ticks)
+            found_by, visits = BY_TIMES, self._by_times(start, ticks)
         else:
             found_by = BY_GUARDS
-            walk = GuardWalk(self._program, values, ticks, str(self._source.path))
+
+            def in_stage(stage: CompiledStage) -> Mapping[str, Vector]:
+                return turn.in_stage(stage, values) if turn.needed else values
+
+            walk = GuardWalk(self._program, in_stage, ticks, str(self._source.path))
             visits, end, ended = walk.stages()
             # What comes after the end of the task is no part of it.
             ticks = Ticks(ticks.period, end, ticks.gap)
             values = {name: column[:end] for name, column in values.items()}
         history = self._history(values, visits, ticks)
+        if turn.needed:
+            history = self._turned(history, turn, measured)
         facts = {
-            "log": str(self._source.path.absolute()),
+            "log": self._source.path.name,
             "form": self._source.form,
             "columns": assigned,
-            "map": self._columns.name or None,
+            "map": Path(self._columns.name).name or None,
+            "clocks": clocks,
             "as_measured": measured,
             "not_recorded": sorted(history.unrecorded),
             "stages": found_by,
-            "start": start,
+            "start": self._assignment.origin + start,
             "gap": self._gap,
+            "base_turned": turn.half_turn,
         }
         return ForeignLog(history, ended, facts)
+
+    def _clocks(self, signals: Sequence[Assigned]) -> list[dict[str, Any]]:
+        """What was recorded together: which columns, how many samples, how often [Hz]."""
+        found: dict[int, dict[str, Any]] = {}
+        for each in signals:
+            stamps = each.stamps
+            if id(stamps) not in found:
+                rate = 1 / float(np.median(np.diff(stamps.times)))
+                of = each.column.partition(".")[0] if self._source.timed else ""
+                entry = {"of": of, "samples": stamps.samples, "rate": rate}
+                if stamps.samples != len(stamps.times):
+                    entry |= {"stamps": len(stamps.times), "repeated": self._columns.map.repeated}
+                found[id(stamps)] = entry
+        return [*found.values()]
+
+    def _turned(self, history: History, turn: WrenchTurn, measured: Sequence[str]) -> History:
+        """A history with forces and moments in the axes of its stages."""
+        made = turn.over(history)
+        for name in measured:
+            if f"{name}.measured" in made:
+                made[name] = made[f"{name}.measured"]
+        columns = {name: made[name] for name in ("clock", "t", *self._units) if name in made}
+        missing = frozenset(self._units) - columns.keys()
+        return History(RecordedColumns(columns), history.stages, self._stated(columns), missing)
 
     # Time.
 
@@ -116,27 +159,30 @@ class _Reading:
         self, signals: Sequence[Assigned], staged: tuple[str, Vector, SampleTexts] | None
     ) -> tuple[float, Ticks]:
         """Time of the log at which the task began [s], and the ticks from there on."""
-        columns = [(each.column, each.times) for each in signals]
+        columns = [each.column for each in signals]
         if staged is not None and not self._source.timed:
-            columns.append(staged[:2])
-        checked: dict[int, None] = {}
+            columns.append(staged[0])
+        checked: set[int] = set()
         first, last = -np.inf, np.inf
-        for column, times in columns:
-            if id(times) in checked:
+        for column in columns:
+            stamps = self._assignment.stamps(column)
+            if id(stamps) in checked:
                 continue
-            checked[id(times)] = None
+            checked.add(id(stamps))
             what = f"{self._source.path}" + (f", {column}" if self._source.timed else "")
-            check_times(times, lambda row, c=column: self._assignment.place(c, row), what)
-            first, last = max(first, float(times[0])), min(last, float(times[-1]))
-            check_rate(times, self._period, self._gap, self._columns.map.rate, what)
+            first, last = max(first, float(stamps.times[0])), min(last, float(stamps.times[-1]))
+            check_rate(stamps, self._period, self._gap, self._columns.map.rate, what)
         if staged is not None:
             first, last = self._within_stages(staged, first, last)
         stated = self._columns.map.time
         if stated is not None and stated.start is not None:
-            if not first - NEAR * self._period <= stated.start < last:
-                message = f"the log has samples from {first:.6g} s to {last:.6g} s"
+            origin = self._assignment.origin
+            begin = stated.start - origin
+            if not first - NEAR * self._period <= begin < last:
+                ends = f"{origin + first:.12g} s to {origin + last:.12g} s"
+                message = f"the log has samples from {ends}, as its clock counts"
                 raise self._columns.wrong(message, "time", "start")
-            first = stated.start
+            first = begin
         if last < first:
             raise InputError(f"{self._source.path}: its signals have no time in common")
         count = int(np.floor((last - first) / self._period + NEAR)) + 1
@@ -219,7 +265,8 @@ class _Reading:
             found += [(part.start + tick, distinct[stages[tick]]) for tick in ticks_of]
         return found
 
-    def _by_times(self, ticks: Ticks) -> list[tuple[int, str]]:
+    def _by_times(self, start: float, ticks: Ticks) -> list[tuple[int, str]]:
+        """First tick and name of each stage; times count from the first tick, or as the log's."""
         starts = self._columns.map.stages or []
         known = self._program.context.loaded.task.stages
         for number, each in enumerate(starts):
@@ -227,18 +274,22 @@ class _Reading:
                 hint = suggestion(each.stage, known, "stages")
                 message = f"the task has no stage '{each.stage}'; {hint}"
                 raise self._columns.wrong(message, "stages", number, "stage")
-        times = [each.at for each in starts]
+        times, begin = [each.at for each in starts], self._assignment.origin + start
+        if abs(times[0] - begin) < self._period:
+            times = [max(time - begin, 0.0) for time in times]
         for number, (before, after) in enumerate(pairwise(times), 1):
             if after <= before:
                 message = "a stage begins after the one before it"
                 raise self._columns.wrong(message, "stages", number, "at")
         if times[0] > NEAR * self._period:
-            message = "the first stage begins with the log, at 0 s; time.start leaves out the rest"
+            clock = f", or {begin:.12g} s as its clock counts" if begin else ""
+            rest = "time.start leaves out the rest"
+            message = f"the first stage begins with the log, at 0 s{clock}; {rest}"
             raise self._columns.wrong(message, "stages", 0, "at")
         firsts = [int(np.ceil(time / self._period - NEAR)) for time in times]
         for number, first in enumerate(firsts):
             if first >= ticks.count:
-                message = f"the log ends at {ticks.count * self._period:.6g} s"
+                message = f"the log ends {ticks.count * self._period:.6g} s after its beginning"
                 raise self._columns.wrong(message, "stages", number, "at")
         return [(first, each.stage) for first, each in zip(firsts, starts, strict=True)]
 

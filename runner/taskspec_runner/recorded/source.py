@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,9 +27,10 @@ from taskspec_runner.runs import ROWS
 Vector = NDArray[np.float64]
 
 _UNIT = re.compile(r"\A(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*\Z")
-_SEPARATORS = ",;\t"
-#: A header that is longer is none.
-_LONGEST_HEADER = 1 << 20
+#: What parts the columns of a text, in the order of preference; the last is any white space.
+_SEPARATORS = ("\t", ";", ",", " ")
+#: Lines from which separator and header are found, and bytes that these may have.
+_FIRST_LINES, _LONGEST_HEADER = 200, 1 << 20
 #: Bytes of a CSV file that are read at a time; no line is longer.
 _BLOCK = 1 << 20
 #: Bytes of a Parquet file's column that are read at a time, however long its parts are.
@@ -41,6 +44,7 @@ class LogSource(Protocol):
         path: of the file.
         form: of it, in a word.
         units: columns, and the unit that the file states of each; empty where it states none.
+        lines: what a text says above its columns, by the word that each line begins with.
         timed: whether each column has times of its own, as messages have; a message holds until
             the next one.
     """
@@ -48,6 +52,7 @@ class LogSource(Protocol):
     path: Path
     form: str
     units: Mapping[str, str]
+    lines: Mapping[str, str]
     timed: bool
 
     def numbers(self, names: Sequence[str]) -> dict[str, Vector]:
@@ -64,10 +69,15 @@ class LogSource(Protocol):
             InputError: they cannot be read, or are too many to be names of something.
         """
 
-    def times(self, name: str) -> Vector | None:
+    def times(self, name: str, stamp: Sequence[str]) -> Vector | None:
         """(n,) when each value of a column was recorded, since the first of the log [s].
 
         None where a column of the log has the times of all others.
+
+        Args:
+            name: of the column.
+            stamp: fields beside it that have the time, seconds and nanoseconds; none for the time
+                at which it was logged.
         """
 
     def place(self, name: str, row: int) -> str:
@@ -84,7 +94,13 @@ class LogTable:
     timed = False
 
     def __init__(
-        self, path: Path, form: str, units: Mapping[str, str], batches: Batches, first: int
+        self,
+        path: Path,
+        form: str,
+        units: Mapping[str, str],
+        batches: Batches,
+        first: int,
+        lines: Mapping[str, str],
     ) -> None:
         """Takes a table.
 
@@ -94,8 +110,9 @@ class LogTable:
             units: columns by their names, without units, and the units that it states.
             batches: reads some of the columns.
             first: number of the first row for a reader; 2 where a header stands before it.
+            lines: see `LogSource`.
         """
-        self.path, self.form, self.units = path, form, units
+        self.path, self.form, self.units, self.lines = path, form, units, lines
         self._batches, self._first = batches, first
 
     def numbers(self, names: Sequence[str]) -> dict[str, Vector]:
@@ -139,7 +156,7 @@ class LogTable:
             found.add(_texts(batch.column(name)))
         return found.words(f"{self.path}: column '{name}'")
 
-    def times(self, name: str) -> None:
+    def times(self, name: str, stamp: Sequence[str]) -> None:
         """None: a table has a column for the time."""
 
     def place(self, name: str, row: int) -> str:  # noqa: ARG002
@@ -163,41 +180,81 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def read_csv(path: Path) -> LogTable:
-    """A CSV file with a header; columns may be parted by a comma, a semicolon or a tab.
+def read_csv(path: Path, header: int | None = None) -> LogTable:
+    """A text of lines; columns may be parted by a comma, a semicolon, a tab or white space.
 
     A last line without an end may have been cut short and is left out.
 
+    Args:
+        path: of the file.
+        header: line with the names of the columns, from 1 on; None for the first line that has as
+            many cells as most lines, and no number.
+
     Raises:
-        InputError: it is no such file.
+        InputError: it is no such text, has no header, or no row.
     """
     try:
         with open_regular(path) as file:
             head = file.read(_LONGEST_HEADER)
-            # Behind the header, something has to stand.
-            begun = head.partition(b"\n")[2]
-            while not begun.strip() and (more := file.read(_LONGEST_HEADER)):
-                begun = more
             end = _end_of_lines(file)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     if b"\0" in head:
         raise InputError(f"cannot read {path}: it is no text, nor Parquet nor MCAP")
-    header, newline, _ = head.partition(b"\n")
+    whole = head[:end].split(b"\n")[: max(_FIRST_LINES, header or 0)]
     try:
-        text = header.decode("utf-8-sig").rstrip("\r")
+        lines = [line.decode("utf-8-sig").rstrip("\r") for line in whole]
     except UnicodeDecodeError as error:
         raise InputError(f"cannot read {path}: it is not UTF-8") from error
-    if not text.strip():
-        raise InputError(f"cannot read {path}: it is empty")
-    if not newline or not begun.strip():
+    if not any(line.strip() for line in lines):
+        text = head.decode("utf-8-sig", "replace").strip()
+        said = "it has a header and no sample" if text else "it is empty"
+        raise InputError(f"cannot read {path}: {said}")
+    at, separator = _header(lines, header)
+    if at >= len(lines):
+        raise InputError(f"cannot read {path}: it has no line {at + 1}")
+    names = _cells(lines[at], separator)
+    start = sum(len(line) + 1 for line in whole[: at + 1])
+    if not head[start:].strip():
         raise InputError(f"cannot read {path}: it has a header and no sample")
-    separator = max(_SEPARATORS, key=text.count)
-    names = [each.strip().strip('"') for each in text.split(separator)]
-    if end <= len(header) + 1:
+    if end <= start:
         raise InputError(f"cannot read {path}: it holds no whole sample")
-    rows = _CsvRows(path, separator, len(names), len(header) + 1, end)
-    return _table(path, "CSV", names, [""] * len(names), rows.batches, 2)
+    rows = _CsvRows(path, separator, len(names), start, end)
+    above = (_cells(line, separator) for line in lines[:at])
+    stated = {cells[0].rstrip(" :"): cells[1] for cells in above if len(cells) > 1}
+    return _table(path, "CSV", names, [""] * len(names), rows.batches, at + 2, stated)
+
+
+def _header(lines: Sequence[str], stated: int | None) -> tuple[int, str]:
+    """Row of the line that names the columns, from 0 on, and what parts them."""
+    found: list[tuple[int, int, str]] = []
+    for separator in _SEPARATORS:
+        counts = [len(_cells(line, separator)) for line in lines]
+        usual = Counter(count for count in counts if count > 1).most_common(1)
+        if not usual:
+            continue
+        if stated is not None:
+            found.append((counts[min(stated, len(lines)) - 1], stated - 1, separator))
+            continue
+        row = counts.index(usual[0][0])
+        if not any(map(_is_number, _cells(lines[row], separator))):
+            found.append((usual[0][0], row, separator))
+    best = max((each for each in found if each[2] != " "), key=lambda each: each[0], default=None)
+    best = best or next(iter(found), None)
+    if best is not None:
+        return best[1], best[2]
+    first = next(row for row, line in enumerate(lines) if line.strip())
+    at = first if stated is None else stated - 1
+    text = lines[min(at, len(lines) - 1)]
+    return at, max(_SEPARATORS[:3], key=text.count)
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    """The cells of a line without quotes and spaces around them; of an empty line none."""
+    text = line.strip().removeprefix("# ") if separator == " " else line.removeprefix("# ")
+    row = next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
+    cells = [cell.strip() for cell in row]
+    return [cell for cell in cells if cell] if separator == " " else cells
 
 
 def _end_of_lines(file: BinaryIO) -> int:
@@ -227,9 +284,25 @@ class _Part(io.RawIOBase):
     def readinto(self, into: Any) -> int:
         """Fills a buffer as far as there is something; returns how many bytes."""
         content = self._file.read(min(len(into), self._left))
-        into[: len(content)] = content
         self._left -= len(content)
+        into[: len(content)] = content
         return len(content)
+
+
+class _Spaced(_Part):
+    """The same of a text whose cells are parted by any white space: by one space each."""
+
+    def readinto(self, into: Any) -> int:
+        """Fills a buffer with whole lines as far as there are some; returns how many bytes."""
+        content = self._file.read(min(len(into), self._left))
+        last = content.rfind(b"\n") + 1 or len(content)
+        # The rest of a line is read again with what follows it.
+        self._file.seek(last - len(content), os.SEEK_CUR)
+        self._left -= last
+        lines = content[:last].split(b"\n")
+        plain = b"\n".join(b" ".join(line.split()) for line in lines)
+        into[: len(plain)] = plain
+        return len(plain)
 
 
 class _CsvRows:
@@ -253,7 +326,8 @@ class _CsvRows:
         parsing = pa.csv.ParseOptions(delimiter=self._separator)
         try:
             with open_regular(self._path) as file:
-                part = pa.PythonFile(_Part(file, self._start, self._end), mode="r")
+                kind = _Spaced if self._separator == " " else _Part
+                part = pa.PythonFile(kind(file, self._start, self._end), mode="r")
                 yield from pa.csv.open_csv(part, reading, parsing, converting)
         except pa.ArrowException as error:
             said = " ".join(str(error).split())
@@ -286,7 +360,7 @@ def read_parquet(path: Path) -> LogTable:
 
     if not rows:
         raise InputError(f"cannot read {path}: it holds no sample")
-    return _table(path, "Parquet", names, units, batches, 1)
+    return _table(path, "Parquet", names, units, batches, 1, {})
 
 
 @contextmanager
@@ -307,37 +381,48 @@ def _table(
     units: Sequence[str],
     batches: Callable[[Sequence[int]], Iterator[pa.RecordBatch]],
     first: int,
+    lines: Mapping[str, str],
 ) -> LogTable:
     """A table whose columns are called without the units that stand behind their names.
 
     Args:
-        path, form, first: see `LogTable`.
+        path, form, first, lines: see `LogTable`.
         names: of the columns, with or without units.
         units: that stand elsewhere.
         batches: reads some columns, by their numbers.
     """
     split = [named(name) for name in names]
     bare = [name for name, _ in split]
-    twice = sorted({name for name in bare if bare.count(name) > 1})
-    if twice:
-        raise InputError(f"cannot read {path}: it has more than one column '{twice[0]}'")
+    twice = {name for name, count in Counter(bare).items() if count > 1}
     stated = [unit or own for unit, (_, own) in zip(units, split, strict=True)]
 
     def read(wanted: Sequence[str]) -> Iterator[pa.RecordBatch]:
+        several = next((name for name in wanted if name in twice), None)
+        if several is not None:
+            raise InputError(f"cannot read {path}: it has more than one column '{several}'")
         for batch in batches([bare.index(name) for name in wanted]):
             yield batch.rename_columns(list(wanted))
 
-    return LogTable(path, form, dict(zip(bare, stated, strict=True)), read, first)
+    return LogTable(path, form, dict(zip(bare, stated, strict=True)), read, first, lines)
 
 
 def named(text: str) -> tuple[str, str]:
-    """The name and the unit of a header such as `force.z [N]`; the unit is empty without one."""
+    """The name and the unit of a header such as `force.z [N]`; the unit is empty without one.
+
+    A number in brackets is an index: `q[0]` has no unit.
+    """
     match = _UNIT.match(text)
-    return (match[1], match[2].strip()) if match and match[1] else (text.strip(), "")
+    if not match or not match[1] or match[2].strip().isdigit():
+        return text.strip(), ""
+    return match[1], match[2].strip()
 
 
-def open_source(path: Path) -> LogSource:
+def open_source(path: Path, header: int | None = None) -> LogSource:
     """A log, by what it begins with: Parquet, MCAP, else CSV.
+
+    Args:
+        path: of the file.
+        header: line of a CSV file that names the columns; None to find it.
 
     Raises:
         InputError: it is none of them, or is empty or cut short.
@@ -355,4 +440,4 @@ def open_source(path: Path) -> LogSource:
         return read_mcap(path)
     if head.startswith(b"PAR1") or path.suffix == ".parquet":
         return read_parquet(path)
-    return read_csv(path)
+    return read_csv(path, header)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.file_array import blocks, counted, empty
+from taskspec_runner.recorded.stamps import Stamps
 
 Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: A sample so near to a tick, as a share of the period, is the value of the tick.
 NEAR = 0.01
@@ -90,33 +90,11 @@ class Ticks:
         return made
 
 
-def check_times(times: Vector, place: Mask | object, what: str) -> None:
-    """Finds out whether times rise.
-
-    Args:
-        times: (n,) [s].
-        place: row -> where it stands, in words.
-        what: they are the times of.
-
-    Raises:
-        InputError: one is missing or is not later than the one before.
-    """
-    assert callable(place)
-    if not np.isfinite(times).all():
-        row = int(np.flatnonzero(~np.isfinite(times))[0])
-        raise InputError(f"{what}: there is no time in {place(row)}")
-    late = np.flatnonzero(np.diff(times) <= 0)
-    if len(late):
-        row = int(late[0]) + 1
-        shown = f"{times[row]:.9g} s after {times[row - 1]:.9g} s"
-        raise InputError(f"{what}: time does not rise in {place(row)}: {shown}")
-
-
-def check_rate(times: Vector, period: float, gap: float, rate: float | None, what: str) -> None:
+def check_rate(stamps: Stamps, period: float, gap: float, rate: float | None, what: str) -> None:
     """Finds out whether the samples of a log make up the ticks of a task.
 
     Args:
-        times: (n,) of samples, rising [s].
+        stamps: of the samples.
         period: of the task [s].
         gap: longest time between two of them that is bridged [s].
         rate: that they are to have [Hz]; None for any.
@@ -125,6 +103,7 @@ def check_rate(times: Vector, period: float, gap: float, rate: float | None, wha
     Raises:
         InputError: they are too far apart, far too close, or have another rate.
     """
+    times = stamps.times
     steps = np.diff(times)
     if not len(steps):
         raise InputError(f"{what}: there is one sample, of which no course can be judged")
@@ -144,9 +123,9 @@ def check_rate(times: Vector, period: float, gap: float, rate: float | None, wha
         often = f" and {len(wide) - 1} more times" if len(wide) > 1 else ""
         raise InputError(
             f"{what}: there is no sample for {1e3 * steps[row]:.6g} ms from {times[row]:.6g} s "
-            f"on{often}, and up to {1e3 * gap:.6g} ms are bridged ({1 / period:.4g} ticks a "
-            f"second, {1 / usual:.4g} samples); state the unit of the time, or the bound: "
-            f"gap: {np.ceil(1e3 * float(steps.max()) - 1e-6):.0f} ms"
+            f"on, {stamps.place(row)}{often}, and up to {1e3 * gap:.6g} ms are bridged "
+            f"({1 / period:.4g} ticks a second, {1 / usual:.4g} samples); state the unit of the "
+            f"time, or the bound: gap: {np.ceil(1e3 * float(steps.max()) - 1e-6):.0f} ms"
         )
 
 

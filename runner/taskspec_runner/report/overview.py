@@ -11,11 +11,11 @@ from taskspec_runner.pages.chart import Chart, size
 from taskspec_runner.pages.picture import Picture, Square, picture_svg
 from taskspec_runner.pages.timeline import Timeline
 from taskspec_runner.record.visits import StageVisit
-from taskspec_runner.report import figures
+from taskspec_runner.report import figures, recorded
 from taskspec_runner.report.events import fault_spans
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.limit_effects import held_joints
-from taskspec_runner.verdict.outcome import verdict
+from taskspec_runner.verdict.outcome import is_recorded, verdict
 
 __all__ = ["Picture", "overview_svg"]
 
@@ -35,7 +35,10 @@ def overview_svg(run: Run, wanted: Sequence[Chart] | None = None) -> str:
         wanted: charts in place of the usual ones, without the path.
     """
     laws = dict.fromkeys(v.law for v in run.visits if v.law)
-    facts = [run.robot, ", ".join(laws), f"{run.end:.1f} s"]
+    facts = [run.robot, ", ".join(laws)]
+    if is_recorded(run):
+        facts = ["as measured", *recorded.rates(run)]
+    facts.append(f"{run.end:.1f} s")
     return picture_svg(
         str(run.summary.get("task") or "run"),
         ", ".join(fact for fact in facts if fact),

@@ -13,7 +13,6 @@ from taskspec.program.execution.transition import FAIL
 from taskspec_runner.link.link import sentence
 from taskspec_runner.pages.chart import Chart, Section
 from taskspec_runner.pages.document import (
-    DASH,
     Cells,
     Heading,
     bar,
@@ -21,7 +20,6 @@ from taskspec_runner.pages.document import (
     document,
     dot,
     figure,
-    fold,
     head,
     mark,
     named,
@@ -40,15 +38,23 @@ from taskspec_runner.pages.numbers import figure as digits
 from taskspec_runner.pages.samples import density, page_data
 from taskspec_runner.pages.timeline import Timeline, tints
 from taskspec_runner.record.fault_time import fault_times
-from taskspec_runner.record.folder import Json, mapping, mappings, number
+from taskspec_runner.record.folder import mapping, mappings, number
 from taskspec_runner.record.names import REPORT
 from taskspec_runner.record.whole import write_whole
-from taskspec_runner.report import annotated, figures, tables, to_rest
+from taskspec_runner.report import annotated, figures, recorded, tables, to_rest
 from taskspec_runner.report.events import events, fault_spans
 from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judged import SHARE, Judged, Margin
-from taskspec_runner.verdict.outcome import Verdict, first_broken, is_measured, so_far, verdict
+from taskspec_runner.verdict.outcome import (
+    Verdict,
+    first_broken,
+    is_measured,
+    is_recorded,
+    mirrored,
+    so_far,
+    verdict,
+)
 from taskspec_runner.video.still import still_for_report
 
 #: The chart on which a limit is drawn, by its name.
@@ -103,10 +109,10 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
                    *map(note, tables.solver(run))),
         _of_tables("Tracking", *tables.tracking(run)),
         annotated.annotated_task(run),
-        _columns(run),
+        recorded.columns(run),
         data=data if charts else None,
         scripts=("samples", "plot", "legend", "time"),
-        facts=pairs(_flat(_facts_of_manifest(run))),
+        facts=pairs(_flat(recorded.without_paths(run.manifest))),
         remark=density(run, data["samples"]),
     )  # fmt: skip
 
@@ -119,6 +125,7 @@ def _outcome(run: Run, said: Verdict, drawn: bool) -> Markup:
         look = button("Look there", "look", data_start=around[0], data_end=around[1])
     word, first = sign(said.kind) + said.kind, said.first
     why = [element("p", prose(said.sentence))]
+    suspected = [element("p", prose(text)) for text in mirrored(run)]
     if first is not None and first.broken is not None:
         stage = joined(" in stage ", element("b", said.stage)) if said.stage else None
         at, text = element("b", seconds(first.broken.clock)), expression(first.text)
@@ -126,7 +133,7 @@ def _outcome(run: Run, said: Verdict, drawn: bool) -> Markup:
             "At ", at, stage, ", ", text, " was broken: ", prose(first.broken.text), "."
         )
         why = [element("p", broken, id="first-broken"), element("p", said.rest, class_="rest")]
-    return outcome(said.kind, word, *why, beside=look, id="verdict")
+    return outcome(said.kind, word, *why, *suspected, beside=look, id="verdict")
 
 
 def _first(run: Run, time: Timeline, main: Chart | None) -> tuple[Markup, ...]:
@@ -297,19 +304,19 @@ def _stages(run: Run) -> Markup:
             seconds(visit.start),
             seconds(visit.end),
             seconds(visit.end - visit.start),
-            visit.law,
+            *([] if is_recorded(run) else [visit.law]),
             visit.frame,
             prose(_text(why.get("text"))),
             to,
         ]
         rows.append(Cells(cells, "bad" if bad else ""))
     times = map(right, ("From", "To", "Lasted"))
+    # The law is that of the file: whoever moved the robot may have had another one.
+    law = [] if is_recorded(run) else ["Law"]
     return section(
         "Stages",
         element("div", *line, class_="timeline", aria_hidden="true"),
-        table(
-            ["Stage", *times, "Law", "Frame", Heading("Ended by", "why"), "Then"], rows, "stages"
-        ),
+        table(["Stage", *times, *law, "Frame", Heading("Ended by", "why"), "Then"], rows, "stages"),
         *(note(f"{text}.") for text in tables.given_up(run)),
         note(prose(to_rest.told(run))),
     )
@@ -332,37 +339,19 @@ def _about_responses(run: Run) -> Markup:
     )
 
 
-def _columns(run: Run) -> Markup:
-    """Signals of a log that was recorded elsewhere, and the column that each was taken from."""
-    said = mapping(mapping(run.manifest.get("recorded")).get("columns"))
-    rows = []
-    for signal, each in said.items():
-        column = mapping(each)
-        unit = _text(column.get("unit")).replace("*", "·") or DASH
-        signs = "−" if column.get("sign") == -1 else "+"
-        rows.append([code(signal), code(_text(column.get("column"))), unit, signs])
-    shown = table(["Signal", "Column", "Unit", right("Sign")], rows)
-    title = "Columns of the log"
-    return section("", fold(title, len(rows), shown, look="more") if rows else Markup(""))
-
-
-def _facts_of_manifest(run: Run) -> Json:
-    """What stands at the foot of a page: the manifest without columns, which have a table."""
-    recorded = mapping(run.manifest.get("recorded"))
-    if "columns" not in recorded:
-        return run.manifest
-    return {**run.manifest, "recorded": {k: v for k, v in recorded.items() if k != "columns"}}
-
-
 def _facts(run: Run) -> Iterator[tuple[str, str]]:
+    if is_recorded(run):
+        # Robot, law and rate are those of the file, and not of what was recorded.
+        yield from recorded.facts(run)
+        yield "taskspec", _version(run)
+        yield "Findings", annotated.counted(run)
+        return
     laws = dict.fromkeys(v.law for v in run.visits if v.law)
     law = _text(run.summary.get("law")) or ", ".join(laws)
     duration = number(run.summary.get("duration"))
     objects = run.summary.get("objects")
     period = number(run.summary.get("period")) or (run.period if len(run.clock) else None)
     seed = run.manifest.get("seed", run.summary.get("seed"))
-    versions = run.manifest.get("versions")
-    version = versions.get("taskspec") if isinstance(versions, Mapping) else None
     yield "Robot", run.robot
     yield "Law", law
     yield "World", ", ".join(map(_text, objects)) if isinstance(objects, list) else ""
@@ -370,7 +359,7 @@ def _facts(run: Run) -> Iterator[tuple[str, str]]:
     yield "Control rate", f"{digits(1 / period, 4)} Hz" if period else ""
     yield "Seed", _text(seed)
     yield "Random world", _text(mapping(run.summary.get("world")).get("number"))
-    yield "taskspec", _text(version)
+    yield "taskspec", _version(run)
     if "link" in run.summary:
         yield (
             "As measured" if is_measured(run) else "Driven",
@@ -378,6 +367,11 @@ def _facts(run: Run) -> Iterator[tuple[str, str]]:
         )
     yield "Findings", annotated.counted(run)
     yield "Run in spite of", ", ".join(run.forced)
+
+
+def _version(run: Run) -> str:
+    versions = run.manifest.get("versions")
+    return _text(versions.get("taskspec")) if isinstance(versions, Mapping) else ""
 
 
 def _truth(run: Run) -> Markup:

@@ -361,7 +361,7 @@ def _of_run(trial: Trial, finding: RunFinding) -> Finding:
         hint = "move more slowly, command or carry less, or start where the arm bears it better"
         return warning("TS427", text, place, hint)
     visits = [visit for visit in trial.history.visits() if visit.stage == finding.stage]
-    cause = causes.late_force(Moment(trial, visits[finding.visit - 1]), finding.frequency)
+    cause = causes.late_force(Moment(trial, visits[finding.visit - 1]), finding.frequency or 0.0)
     if cause is None:
         return warning("TS508", text, place, "lower the gains of its loop, or approach more slowly")
     return warning("TS508", f"{text}: {cause.text}", cause.place or place, cause.hint)

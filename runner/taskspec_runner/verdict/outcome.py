@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 from taskspec.deferred_methods import dataclass
@@ -171,6 +171,19 @@ def is_recorded(run: JudgedRun) -> bool:
 def is_measured(run: JudgedRun) -> bool:
     """Whether what is judged was measured, and nobody knows what was true."""
     return is_recorded(run) or run.link.get("measured") is True
+
+
+def mirrored(run: JudgedRun) -> Iterator[str]:
+    """That the forces of a log seem to have the opposite sign; nothing where they do not."""
+    said = run.summary.get("recorded")
+    texts = said.get("mirrored") if isinstance(said, Mapping) else None
+    if isinstance(texts, list) and texts:
+        would = " and ".join(f"`{text}`" for text in texts)
+        yield (
+            f"The sign of the forces seems to be turned: with the opposite sign {would} would be "
+            "met. A task file speaks of the force that the robot applies, a sensor measures what "
+            "it bears: the column map turns it with sign: -1, and leaves it with sign: 1."
+        )
 
 
 def _missing(run: JudgedRun) -> str:

@@ -290,6 +290,10 @@ class Replay:
         tip = np.asarray(self._tip)
         return tip[:, :3], _matrices(tip[:, 3:])
 
+    def axes(self, frame: FrameModel, rows: slice) -> tuple[Vector, Vector]:
+        """(k, 3, 3) axes of the tip and of a frame in the world at some ticks."""
+        return _matrices(self._tip_rows(rows)[1]), _matrices(self._placed_rows(frame, rows)[1])
+
     def pose(self, frame: FrameModel) -> tuple[Vector, Vector]:
         """(n, 3), (n, 3, 3) origin (of a following frame: the foot) and axes in the world."""
         found = np.asarray(self._kept("pose", frame, lambda: self._poses(frame)))
@@ -418,6 +422,21 @@ class Replay:
                 measured[:, i] = columns[f"force.{axis}.measured"][rows]
         R = _matrices(self._placed_rows(stage.plan.frame, rows)[1])
         return opposite(np.asarray(np.einsum("kij,kj->ki", R, measured).mean(axis=0)))
+
+
+def constant_axes(
+    robot: RobotModel, frame: FrameModel, base: MovingBase | None
+) -> NDArray[np.float64] | None:
+    """(3, 3) axes of a frame in the world; None where they depend on the tool, time or the run."""
+    if frame.kind == "estimated" or frame.tracking is not None:
+        return None
+    if frame.surface is not None and frame.surface.face_at(ca.SX.sym("center", 3)) is not None:
+        return None
+    placed = _placed(robot, frame, base, 0)
+    if any(placed.jac_sparsity(1, i).nnz() for i in range(placed.n_in())):
+        return None
+    axes = placed(*(ca.DM.zeros(placed.sparsity_in(i)) for i in range(placed.n_in())))[1]
+    return np.array(axes).reshape(3, 3, order="F")
 
 
 class _Faces:
