@@ -78,7 +78,7 @@ def list_maps() -> int:
             ("assumes", said.assumes),
         ):
             show(Padding(Text(f"{title}: {text}"), (0, 0, 0, 2)))
-    return _GOOD
+    return exit_codes.WELL
 
 
 def judge_folder(folder: Path, form: RunFormat, *, recorded: bool = False) -> int:
