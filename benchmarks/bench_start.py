@@ -104,7 +104,7 @@ def cost(arguments: Sequence[str], environment: dict[str, str], folder: Path) ->
     )  # fmt: skip
     real = time.perf_counter() - began
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if done.returncode not in (0, 1) or "cannot be imported" in done.stderr + done.stdout:
+    if done.returncode not in (0, 2) or "cannot be imported" in done.stderr + done.stdout:
         raise SystemExit(done.stderr or done.stdout)
     return Cost(real, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
 

@@ -35,6 +35,7 @@ from taskspec.program.program import Program
 from taskspec.program.worlds import true_world
 from taskspec.robot.description import listening
 from taskspec.spec import LoadedTask, Task, load_task
+from taskspec_runner.exit_codes import WELL
 from taskspec_runner.loop import fixed_step
 from taskspec_runner.loop.assembly import Assembly, assemble
 from taskspec_runner.plant.plant import Plant
@@ -44,7 +45,7 @@ from taskspec_runner.record.rows import RowKeeper
 from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.replay import Replay
-from taskspec_runner.verdict.summary import EXIT_GOOD, exit_code
+from taskspec_runner.verdict.summary import exit_code
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "faults.md"
@@ -188,7 +189,7 @@ def _ended(program: Program, task: Task, fault: str) -> Ended:
         return Ended(task.name, fault, STOPPED if named else WRONG, outcome.reason)
     if outcome.status == fixed_step.FAILED:
         return Ended(task.name, fault, FAILED, outcome.reason)
-    good = exit_code(outcome, judged, 0, found) == EXIT_GOOD
+    good = exit_code(outcome, judged, 0, found) == WELL
     if not good:
         return Ended(task.name, fault, MISSED)
     wrong, compared = _witnessed(program, task, history, witness)

@@ -37,5 +37,11 @@ def load(
     from pathlib import Path
 
     from taskspec.spec import load_task
+    from taskspec.text.diagnostic import SpecError
 
-    return load_task(Path(path), set)
+    try:
+        return load_task(Path(path), set)
+    except SpecError as error:
+        from taskspec.unread import with_robot
+
+        raise with_robot(error) from None

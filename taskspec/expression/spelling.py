@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 CHARACTERS = {
     "°": "write 'deg' for degrees",
     "µ": "write 'um' for micrometres",
@@ -81,5 +83,36 @@ KEY_WORDS = {
     "loop": "attempts", "on_error": "on_fail", "cutoff": "filter", "lowpass": "filter",
     "frequency": "rate", "distance": "move", "goal": "position", "target": "position",
     "pose": "start", "home": "start", "joint": "joints", "q": "joints", "steps": "stages",
+    "phases": "stages", "states": "stages", "objects": "world", "environment": "world",
+    "scene": "world", "parameters": "params", "variables": "params", "constants": "params",
+    "gains": "law", "tcp": "tool", "gripper": "tool", "end_effector": "tool",
+    "ft_sensor": "sensor", "force_sensor": "sensor", "checks": "expect",
+    "success": "expect", "expectations": "expect", "controller": "law",
 }  # fmt: skip
 """What other systems call a key, and its name here where the mapping has it."""
+
+VALUE_WORDS = {
+    "cube": "box", "cuboid": "box", "block": "box", "ball": "sphere", "rod": "cylinder",
+    "tube": "cylinder", "pipe": "cylinder", "disc": "cylinder", "disk": "cylinder",
+    "floor": "plane", "wall": "plane", "table": "plane", "flat": "plane", "bore": "hole",
+    "revolute": "hinge", "rotary": "hinge", "prismatic": "slide", "slider": "slide",
+    "linear": "slide", "helical": "screw", "thread": "screw",
+}  # fmt: skip
+"""What other systems call a shape or a mechanism, and its name here."""
+
+_CHANGED = {
+    "diameter": "half of the diameter",
+    "height": "a list whose third entry is the height",
+    "z": "a list whose third entry is the height",
+    "weight": "in kg or g, not in N",
+}
+"""What becomes of the quantity where the other key is another one."""
+
+
+def other_word(key: str, keys: Collection[str]) -> str:
+    """A hint about a key that other systems use: its name here, if that is among some keys."""
+    meant = KEY_WORDS.get(key.lower(), "")
+    if meant not in keys:
+        return ""
+    changed = _CHANGED.get(key.lower())
+    return f"did you mean '{meant}'?" + (f" It is {changed}" if changed else "")

@@ -190,6 +190,9 @@ def _order(t: _Token) -> Problem | None:
         return t.problem("a frame follows 'in'", "a range of values follows 'within'")
     if t.kind in ("QUANTITY", "PATH", "LPAR") and t.before:
         hint = "write * for a product"
+        if t.word == "of" and (width := re.search(r"\bwithin +(.+)$", t.before)):
+            return t.problem("a range has its middle first",
+                             f"write within {t.text[t.end:].strip()} +- {width[1]}")  # fmt: skip
         if t.kind == "PATH" and _WORDS.fullmatch(t.before):
             hint = "a condition compares, as in gap < 1 mm; a product has a *"
         return t.problem(f"'{t.word}' follows without an operator", hint)

@@ -22,6 +22,7 @@ class ModeKey:
             lengths.
         about: its title on rotations, where that differs.
         scope: of an expression.
+        ramped: whether the ends and the time of a linear ramp may stand for the expression.
         words: of which it is one.
         mechanism: whether it is the name of a mechanism.
         switch: whether it is true or false.
@@ -39,6 +40,7 @@ class ModeKey:
     dimension: Dimension = NUMBER
     about: str = ""
     scope: ScopeKind | None = None
+    ramped: bool = False
     words: tuple[str, ...] = ()
     mechanism: bool = False
     switch: bool = False

@@ -46,6 +46,7 @@ class Velocity(AxisMode):
             VELOCITY,
             about="Rate of turn",
             scope=ScopeKind.REFERENCE,
+            ramped=True,
             meaning="How fast the reference goes; may use measured signals.",
         ),
     )

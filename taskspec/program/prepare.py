@@ -26,6 +26,7 @@ from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
 from taskspec.robot.model_terms import PinocchioTerms
 from taskspec.shapes import Surface, SurfaceChart
 from taskspec.spec import FILE, LoadedTask, below
+from taskspec.text.diagnostic import Diagnostic, SpecError
 
 Vector = NDArray[np.float64]
 
@@ -94,6 +95,15 @@ def prepare(
         ),
         period=1.0 / task.control.rate,
     )
+
+
+def robot_faults(loaded: LoadedTask) -> tuple[Diagnostic, ...]:
+    """What is wrong with the robot of a task and its start, which is no grasp."""
+    try:
+        _robot(loaded, {})
+    except SpecError as error:
+        return error.diagnostics
+    return ()
 
 
 def arm_at(robot: RobotModel, q: Vector) -> dict[str, Any]:

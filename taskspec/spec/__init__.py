@@ -9,7 +9,14 @@ from taskspec.spec.gains import AxisValues
 from taskspec.spec.key_path import FILE, KeyPath, below, key_of
 from taskspec.spec.law import JOINT_LAW, ForceGains, Law
 from taskspec.spec.limits import Limits
-from taskspec.spec.load import LoadedTask, load_task, load_text, read_text, tree_of
+from taskspec.spec.load import (
+    LoadedTask,
+    UnreadTaskError,
+    load_task,
+    load_text,
+    read_text,
+    tree_of,
+)
 from taskspec.spec.mechanism import Hinge, Mechanism, Screw, Slide
 from taskspec.spec.objects import Object
 from taskspec.spec.path import Path
@@ -52,6 +59,7 @@ __all__ = [
     "Start",
     "Task",
     "Tool",
+    "UnreadTaskError",
     "Variation",
     "Within",
     "below",

@@ -23,7 +23,9 @@ from taskspec.modes import (
     force_keys,
     mode_given,
 )
+from taskspec.motion.paths import all_paths
 from taskspec.spec.fields import ContactName, MechanismName
+from taskspec.spec.linear_ramp import RampedFormula
 from taskspec.spec.model import Model, complete, short_form
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, Formula
@@ -58,6 +60,13 @@ SHORT = {name: mode.word for name, mode in _MODES.items() if mode.word}
 """Modes that a file may give by their name alone, and the value that their key then has."""
 _STIFF = ("stiffness", "damping")
 _COMPANIONS = tuple(companions())
+_CURVES = {
+    name: f"a curve stands beside 'axes': path: {{{name}: .., time: 4 s}}; it drives the axes that "
+    "'axes' does not name"
+    for name in (*all_paths(__name__), "circle")
+}
+_CURVES["circle"] = _CURVES["circle"].replace("circle", "arc")
+"""What to write in place of a path under an axis."""
 
 Ramp = Annotated[float, Constant(TIME, least=0)]
 
@@ -72,7 +81,8 @@ def _type_of(key: ModeKey, *, rotation: bool) -> Any:
         return Annotated[bool, Switch()]
     dimension = key.dimension.on(rotation=rotation)
     if key.scope is not None:
-        return Annotated[Expression, Formula(dimension, key.scope)]
+        formula = RampedFormula if key.ramped else Formula
+        return Annotated[Expression, formula(dimension, key.scope)]
     return Annotated[float, Constant(dimension, above=key.above, least=key.least)]
 
 
@@ -127,6 +137,10 @@ class AxisEntry(_AxisKeys):
     example = "such as {hold: start} or {force: -15 N}"
     short: ClassVar = {"const": next(iter(SHORT))} if len(SHORT) == 1 else {"enum": list(SHORT)}
     rotation: ClassVar[bool] = False
+    advice: ClassVar = _CURVES | dict.fromkeys(
+        ("sine", "sin", "sinus", "oscillate", "wave"),
+        "a sine is an expression: position: 20 mm * sin(2*pi*t*1 Hz)",
+    )
 
     stiffness: float | None = None
     damping: float | None = None
@@ -271,7 +285,7 @@ class AxesForm(Model):
     """The six axes of the task frame; those not named hold."""
 
     noun = "axes"
-    advice: ClassVar = dict.fromkeys(
+    advice: ClassVar = _CURVES | dict.fromkeys(
         ("xy", "xz", "yz", "xyz", "rxy", "rxyz", "rpy"), "a key for each axis: x: hold, y: hold"
     )
 

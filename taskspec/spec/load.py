@@ -17,12 +17,14 @@ from taskspec.spec import overrides as overriding
 from taskspec.spec.control import settle_rates
 from taskspec.spec.include import Inclusion
 from taskspec.spec.key_path import KeyPath, is_key, steps_of
+from taskspec.spec.levels import level_of
 from taskspec.spec.model import REPORTED, mapping
 from taskspec.spec.names import collect_names, unused, warn_unused
 from taskspec.spec.params import evaluate_params
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.protection_file import ProtectionFile
-from taskspec.spec.task import Task
+from taskspec.spec.robot import Robot
+from taskspec.spec.task import VERSION, Task
 from taskspec.spec.templates import expand
 from taskspec.spec.truth import grafted
 from taskspec.text import nodes
@@ -30,10 +32,14 @@ from taskspec.text.characters import normal
 from taskspec.text.codes import register
 from taskspec.text.data import Map, to_data
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
+from taskspec.text.origin import Origin
 from taskspec.text.source import OVERRIDES, Source, Span
 from taskspec.text.yaml import MAX_BYTES, read
 
 register({"TS021": "a missing key"})
+
+_NAMED = {"world": "object", "frames": "frame", "stages": "stage"}
+"""Sections whose entries have names of the file's own, and what an entry is."""
 
 _EXAMPLES = {
     "taskspec": "begin the file with 'taskspec: 1'",
@@ -89,6 +95,46 @@ class LoadedTask:
         """Whether the file has a path as it is, without a short form that stands for it."""
         steps = steps_of(path)
         return nodes.find(self.root, steps)[1] == len(steps)
+
+
+def _name_entries(root: nodes.Mapping, found: Diagnostics) -> None:
+    """Reports sections that list what they should name, and reads them on as if they did so."""
+    for section, (key, value) in root.entries.items():
+        if section not in _NAMED or not isinstance(value, nodes.Sequence) or not value.items:
+            continue
+        entries = [each for each in value.items if isinstance(each, nodes.Mapping)]
+        if len(entries) < len(value.items):
+            continue
+        noun = _NAMED[section]
+        named = dict(_named(each, f"{noun}{number}") for number, each in enumerate(entries, 1))
+        first = next(iter(named))
+        hint = f"write each by its name: {section}: {{{first}: {{..}}}}"
+        found.error("TS022", f"'{section}' is a mapping of names, this is a list", key.span, hint)
+        root.entries[section] = (key, nodes.Mapping(value.span, value.flow, named, value.broken))
+
+
+def _named(entry: nodes.Mapping, otherwise: str) -> tuple[str, tuple[nodes.Scalar, nodes.Node]]:
+    """The name of an entry of a list, and the entry without it."""
+    name = entry.get("name")
+    if isinstance(name, nodes.Scalar) and name.value:
+        rest = {key: e for key, e in entry.entries.items() if key != "name"}
+        return name.value, (name, nodes.Mapping(entry.span, entry.flow, rest, entry.broken))
+    if len(entry.entries) == 1:
+        ((key, pair),) = entry.entries.items()
+        if isinstance(pair[1], nodes.Mapping):
+            return key, pair
+    return otherwise, (nodes.Scalar("", True, Origin(nodes.pointer(entry), "", "")), entry)
+
+
+class UnreadTaskError(SpecError):
+    """A task file does not read as a task.
+
+    Attributes:
+        robot: a task of its robot alone, as far as that part reads, so that the robot itself and
+            its start can be checked too; None where no part of it does.
+    """
+
+    robot: LoadedTask | None = None
 
 
 def load_task(path: Path, overrides: Mapping[str, str] | None = None) -> LoadedTask:
@@ -169,6 +215,7 @@ def _load(
         raise SpecError(found.sorted(), sources)
     inclusion = Inclusion(name, base, sources, found)
     inclusion.into(root)
+    _name_entries(root, found)
     protection = ProtectionFile(base, sources, found, inclusion)
     if inclusion.missing or not protection.into(root):
         raise SpecError(found.sorted(), sources)
@@ -182,28 +229,66 @@ def _load(
     changes.apply(root, templates=False)
     if not protection.into(root):
         raise SpecError(found.sorted(), sources)
+
+    def loaded(task: Task, true_task: Task) -> LoadedTask:
+        given = dict(overrides)
+        return LoadedTask(
+            task, true_task, source, path, base, given, found.sorted(), sources, inclusion.files,
+            root,
+        )  # fmt: skip
+
+    def unread() -> UnreadTaskError:
+        error = UnreadTaskError(found.sorted(), sources)
+        if (robot := _robot_of(root)) is not None:
+            alone = Task(taskspec=VERSION, robot=robot, stages={})
+            error.robot = loaded(alone, alone)
+        return error
+
     task = _validate(root, found, path or Path(name))
     if task is None or found.has_errors:
-        raise SpecError(found.sorted(), sources)
+        raise unread()
     true_task: Task | None = task
     if task.truth.paths:
         true_task = _validate(grafted(root, task.truth), found, path or Path(name), truth=True)
     if true_task is None or found.has_errors:
-        raise SpecError(found.sorted(), sources)
+        raise unread()
     # An override may use a name, or take the place of what used one.
     warn_unused(root, idle & unused(root), found)
-    return LoadedTask(
-        task,
-        true_task,
-        source,
-        path,
-        base,
-        dict(overrides),
-        found.sorted(),
-        sources,
-        inclusion.files,
-        root,
-    )
+    return loaded(task, true_task)
+
+
+def _robot_of(root: nodes.Mapping) -> Robot | None:
+    """The robot with those of its keys that read without an error; None without its model."""
+    section = root.get("robot")
+    if not isinstance(section, nodes.Mapping) or "model" not in section.entries:
+        return None
+    keys = [key for key in ("model", "flange", "base", "tool", "start") if key in section.entries]
+    sound: list[str] = []
+    for key in keys:
+        if _robot_with((*sound, key), root, section) is not None:
+            sound.append(key)
+        elif key == "model":
+            return None
+    if "grasp" in section.entries or sound != keys:
+        # Where the tip is to be follows from what does not read, or is not read here.
+        sound = [key for key in sound if key != "start"]
+    return _robot_with(sound, root, section)
+
+
+def _robot_with(keys: Sequence[str], root: nodes.Mapping, section: nodes.Mapping) -> Robot | None:
+    """The robot with some of its keys; None where one of them is wrong."""
+    found = Diagnostics("")
+    data = to_data(root, found)
+    part = nodes.Mapping(section.span, section.flow, {key: section.entries[key] for key in keys})
+    context = ParseContext(found, mapping(data))
+    collect_names(context)
+    evaluate_params(context)
+    before = len(found)
+    try:
+        robot = Robot.model_validate(to_data(part, found), context=context)
+    except ValidationError:
+        return None
+    return robot if len(found) == before else None
 
 
 def _validate(
@@ -211,7 +296,7 @@ def _validate(
 ) -> Task | None:
     data = to_data(root, found)
     assert isinstance(data, Map)
-    context = ParseContext(found, data, keys=_keys(root), truth=truth)
+    context = ParseContext(found, data, keys=_keys(root), truth=truth, level_of=level_of)
     collect_names(context)
     evaluate_params(context)
     try:

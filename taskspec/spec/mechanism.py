@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from taskspec.shapes import SHAPES
+from taskspec.spec import values
+from taskspec.spec.alias import Direction
 from taskspec.spec.fields import MECHANISMS, RPY, XYZ
 from taskspec.spec.model import Model
 from taskspec.spec.parse_context import ParseContext
@@ -87,6 +91,20 @@ class Mechanism(Model):
 
     noun = "a mechanism"
     example = "crank: {mechanism: hinge, xyz: [500 mm, 0, 350 mm], handle: [120 mm, 0, 0]}"
+    aliases: ClassVar = {"axis": Direction(), "normal": Direction()}
+    advice: ClassVar = (
+        dict.fromkeys(
+            ("held", "grasped", "grasp"), "what the robot holds stands at robot.grasp: NAME.handle"
+        )
+        | dict.fromkeys(
+            ("range", "travel", "angle", "limits", "limit", "lower", "upper"),
+            "the coordinates between which it moves are its 'stop', such as stop: 0..300 mm",
+        )
+        | dict.fromkeys(
+            ("radius", "arm", "lever"),
+            "how far the handle is from the axis stands in 'handle', such as [120 mm, 0, 0]",
+        )
+    )
     coordinate: ClassVar[str] = "angle"
 
     mechanism: str
@@ -108,6 +126,13 @@ class Mechanism(Model):
         """Reads no further into a mechanism of an unknown kind, or one that is a shape as well."""
         if not isinstance(data, Map):
             return data
+        kind = data.get("shape")
+        if isinstance(kind, str) and kind in MECHANISMS and "mechanism" not in data:
+            message, span = f"a {kind} is no shape but a mechanism", data.node.key_span("shape")
+            context.error("TS025", message, span, f"write mechanism: {kind}")
+            renamed = Map({"mechanism" if k == "shape" else k: v for k, v in data.items()})
+            renamed.node = data.node
+            return renamed
         if "shape" in data:
             context.error(
                 "TS026",
@@ -117,6 +142,13 @@ class Mechanism(Model):
             )
         elif data.get("mechanism", "") in MECHANISMS:
             return data
+        elif (kind := data.get("mechanism")) in SHAPES:
+            message, span = f"a {kind} is no mechanism but a shape", data.node.key_span("mechanism")
+            context.error("TS025", message, span, f"write shape: {kind}")
+            context.quiet.add(id(data.node))
+            rest = Map()
+            rest.node = data.node
+            return rest
         context.quiet.add(id(data.node))
         rest = Map({key: value for key, value in data.items() if key == "mechanism"})
         rest.node = data.node
@@ -179,6 +211,16 @@ class Slide(Mechanism):
     detent: LinearDetent | None = Field(None, title="Detent")
 
 
+class Pitch(Constant):
+    """Travel per angle; a length is that of one turn, as the pitch of a thread is given."""
+
+    def read(self, value: object, context: ParseContext) -> float:
+        """The travel per angle [m/rad]."""
+        if values.measures(value, LENGTH, context):
+            return float(Constant(LENGTH).read(value, context)) / math.tau
+        return float(super().read(value, context))
+
+
 class Screw(_Turning):
     """A mechanism that turns about its z and goes along it."""
 
@@ -188,7 +230,7 @@ class Screw(_Turning):
     mechanism: Annotated[Literal["screw"], _word("screw")] = Field(title="Kind")
     inertia: Annotated[float, Constant(INERTIA, above=0)] = Field(0.001, title="Inertia")
     mass: Annotated[float, Constant(MASS, above=0)] = Field(0.1, title="Mass")
-    pitch: Annotated[float, Constant(LENGTH / ANGLE)] = Field(
+    pitch: Annotated[float, Pitch(LENGTH / ANGLE)] = Field(
         title="Pitch", description="Travel along z in one turn, such as 2 mm/turn"
     )
 

@@ -35,7 +35,9 @@ def kind_of_object(data: object) -> str:
     if "mechanism" in data:
         kind = data["mechanism"]
         return str(kind) if isinstance(kind, str) and kind in MECHANISMS else "hinge"
-    return "shape"
+    # A slide that is called a shape is read as the slide that is meant.
+    shape = data.get("shape")
+    return str(shape) if isinstance(shape, str) and shape in MECHANISMS else "shape"
 
 
 class ByKind:

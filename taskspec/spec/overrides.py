@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from taskspec.spec.alias import SAME
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics
 from taskspec.text.nodes import Mapping as MappingNode
@@ -20,6 +21,9 @@ _OVERRIDESD = ("params", "world", "frames", "templates", "stages", "expect")
 
 _BY_PATH = ("vary", "truth")
 """Sections whose keys are paths."""
+
+_WITH_ALIASES = ("world", "robot", "stages")
+"""Sections in which a value may be written by several keys, of which the override's is kept."""
 
 _SHORT_FORMS = {"law": "kind", "within": "time"}
 """What the short form of a key stands for, so that another part of it can be set."""
@@ -146,6 +150,9 @@ def _put(
             _unknown(key, step, known, found)
             return
         if last:
+            if steps[0] in _WITH_ALIASES:
+                for other in SAME.get(step, ()):
+                    node.entries.pop(other, None)
             old = node.entries.get(step)
             node.entries[step] = (old[0] if old else key, value)
             return

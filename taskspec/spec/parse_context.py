@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import field
 
 from taskspec.deferred_methods import dataclass
@@ -33,6 +34,7 @@ class ParseContext:
         quiet: ids of mappings in which missing keys are no further mistake.
         keys: id of a mapping to the place of the key that it hangs on.
         truth: what is read is the true world, not the nominal one of the controller.
+        level_of: where a key belongs that a model does not have (`levels.level_of`).
     """
 
     diagnostics: Diagnostics
@@ -47,6 +49,7 @@ class ParseContext:
     quiet: set[int] = field(default_factory=set)
     keys: dict[int, Span] = field(default_factory=dict)
     truth: bool = False
+    level_of: Callable[[str, type], str] = lambda _key, _model: ""
     _scopes: dict[ScopeKind, Scope] = field(default_factory=dict)
 
     def scope(self, kind: ScopeKind) -> Scope:

@@ -13,6 +13,7 @@ from taskspec.expression.scope import CONSTANTS
 from taskspec.expression.tree import Name, walk
 from taskspec.motion.paths import PathForm, PathKey, all_paths
 from taskspec.spec import values
+from taskspec.spec.alias import Diameter
 from taskspec.spec.joint_targets import JointTargets
 from taskspec.spec.model import Model, complete
 from taskspec.spec.parse_context import ParseContext
@@ -107,6 +108,7 @@ def _model_of(form: type[PathForm]) -> Any:
         form.name.capitalize(), __base__=_PathKeys, __module__=__name__, __doc__=form.__doc__,
         **fields,
     )  # fmt: skip
+    model.aliases = {"diameter": Diameter()} if Diameter.key in fields else {}
     model.noun, model.example = form.noun, f"such as {form.name}: {_written(form.examples[0])}"
     return model
 

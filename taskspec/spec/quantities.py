@@ -13,7 +13,7 @@ from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
-from taskspec.text.data import Items, Real, Text, Whole
+from taskspec.text.data import Items, Map, Real, Text, Whole
 from taskspec.text.traps import adjoin
 from taskspec.text.units import (
     NUMBER,
@@ -94,7 +94,12 @@ class Formula(FieldType):
 
     def read(self, value: object, context: ParseContext) -> Expression:
         """The checked expression."""
-        return values.expression(value, self.dimension, self.scope, context) or _NOTHING
+        if self.scope is ScopeKind.PLANNED and isinstance(value, Map) and "to" in value:
+            message = "a coordinate is an expression here, this is a mapping"
+            hint = "from where the tool is by a distance leads move: 50 mm, speed: 20 mm/s"
+            context.error("TS022", message, span_of(value), hint)
+            return NOTHING
+        return values.expression(value, self.dimension, self.scope, context) or NOTHING
 
     def json(self) -> dict[str, Any]:
         """Describes the expression."""
@@ -103,7 +108,8 @@ class Formula(FieldType):
         return _SCALAR | {"description": f"{_description(self.dimension)}; an expression"}
 
 
-_NOTHING = Expression("", Number(0.0, NUMBER), NUMBER)
+NOTHING = Expression("", Number(0.0, NUMBER), NUMBER)
+"""What stands for an expression that cannot be read."""
 
 
 @dataclass(frozen=True)

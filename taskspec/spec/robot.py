@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from taskspec.shapes import tool_shapes
+from taskspec.spec.alias import Diameter
 from taskspec.spec.fields import RPY, XYZ
 from taskspec.spec.model import Model, complete, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
@@ -98,6 +99,7 @@ class Tool(Model):
     """
 
     noun = "a tool"
+    aliases: ClassVar = {"diameter": Diameter()}
 
     shape: Annotated[str, Word(tuple(_ENDS), "tool shape")] = Field(
         next(iter(_ENDS)), title="Shape of the tool's end"

@@ -10,9 +10,9 @@ from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression, ScopeKind
 from taskspec.spec.axis import Ramp
 from taskspec.spec.field_type import FieldType
-from taskspec.spec.model import Model, complete
+from taskspec.spec.linear_ramp import RampedFormula
+from taskspec.spec.model import Model, complete, field_types
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
-from taskspec.spec.quantities import Formula
 from taskspec.text.data import Map
 from taskspec.text.nodes import pointer
 from taskspec.text.suggest import suggestion
@@ -31,10 +31,10 @@ class SetPoint(Model):
     noun = "a set point"
     example = "such as {force: 20 N}"
 
-    force: Annotated[Expression, Formula(FORCE, ScopeKind.REFERENCE)] | None = Field(
+    force: Annotated[Expression, RampedFormula(FORCE, ScopeKind.REFERENCE)] | None = Field(
         None, title="Force", description="Along the unit gradient, as the robot applies it"
     )
-    torque: Annotated[Expression, Formula(MOMENT, ScopeKind.REFERENCE)] | None = Field(
+    torque: Annotated[Expression, RampedFormula(MOMENT, ScopeKind.REFERENCE)] | None = Field(
         None, title="Moment", description="Along the unit gradient in joint space"
     )
     ramp: Ramp | None = Field(None, title="Time in which it is reached")
@@ -96,8 +96,8 @@ class SetPoints(FieldType):
             "description": "A force of an equation on the tip, a torque of one on joints",
             "additionalProperties": False,
             "properties": {
-                key: {
-                    "type": ["string", "number"],
+                key: next(each.json() for each in field_types(field) if isinstance(each, FieldType))
+                | {
                     "title": field.title,
                     "description": field.description or "A time (s), such as '0.5 s'",
                 }

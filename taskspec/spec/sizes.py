@@ -35,7 +35,8 @@ def check_sizes(
     for key in sizes:
         if key in data and key not in allowed:
             has = f"its sizes: {', '.join(sorted(allowed))}" if allowed else "it has no size"
-            context.error("TS302", f"a {shape} has no '{key}'", data.node.key_span(key), has)
+            name = data.node.as_written(key)
+            context.error("TS302", f"a {shape} has no '{name}'", data.node.key_span(key), has)
     missing = [key for key in needed if key not in data]
     if missing and complete(data, context):
         span = data.node.key_span("shape") if "shape" in data else pointer(data.node)

@@ -151,4 +151,7 @@ def _put(owner: Node | None, steps: list[str], key: nodes.Scalar, value: Node) -
     entry = old.entries.get(step)
     below = value if not rest else _put(entry[1] if entry else None, rest, key, value)
     name = entry[0] if entry else nodes.Scalar(step, True, key.origin)
-    return Mapping(old.span, old.flow, {**old.entries, step: (name, below)}, old.broken)
+    # What the file writes by another key is replaced too.
+    others = {k: e for k, e in old.entries.items() if k != old.written.get(step)}
+    written = {k: other for k, other in old.written.items() if k != step}
+    return Mapping(old.span, old.flow, {**others, step: (name, below)}, old.broken, written)

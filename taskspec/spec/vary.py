@@ -13,6 +13,7 @@ from typing import Any
 from taskspec.deferred_methods import dataclass
 from taskspec.expression import FloatAlgebra, Problem, Scope, ScopeKind, check, evaluate, infer
 from taskspec.expression.intervals import share_of_a_number, share_problems
+from taskspec.expression.spelling import other_word
 from taskspec.expression.tree import Call, IntervalNode, Name, Node, SpreadNode, is_share, walk
 from taskspec.shapes import SHAPES, size_keys
 from taskspec.spec import values
@@ -259,7 +260,9 @@ def target_of(path: str, data: Map, context: ParseContext, section: str) -> Vari
         fields = _fields(raw, context.objects[of.owner])
         if fields is None or of.key in fields:
             return OBJECT[context.objects[of.owner]].get(of.key)
-        hint = suggestion(of.key, fields, f"values of '{of.owner}' that {can}")
+        hint = other_word(of.key, fields) or suggestion(
+            of.key, fields, f"values of '{of.owner}' that {can}"
+        )
         context.error("TS710", f"'{of.key}' of '{of.owner}' is no value that {can}", span, hint)
         return None
     if of.owner:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression.spelling import VALUE_WORDS
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
@@ -53,7 +54,10 @@ class Word(FieldType):
         if word in self.reserved:
             context.unsupported(word, span_of(value))
             return self.words[0]
-        hint = suggestion(word, self.words + self.others + self.reserved, f"{self.what}s")
+        known = self.words + self.others + self.reserved
+        hint = suggestion(word, known, f"{self.what}s")
+        if (meant := VALUE_WORDS.get(word.lower())) in known:
+            hint = f"did you mean '{meant}'?"
         context.error(self.code, f"unknown {self.what} '{word}'", span_of(value), hint)
         return self.words[0]
 

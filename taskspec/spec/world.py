@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import Field, PrivateAttr, create_model
 
 from taskspec.expression import Expression, ScopeKind
+from taskspec.expression.spelling import VALUE_WORDS
 from taskspec.geometry.axis import AXES, ROTATIONS, Axis
 from taskspec.shapes import BoundedSurface, SizeKey, all_shapes, size_keys
+from taskspec.spec.alias import Diameter, Direction
 from taskspec.spec.fields import MECHANISMS, RPY, XYZ, MechanismName
 from taskspec.spec.model import Model, complete
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, Entries, Formula
 from taskspec.spec.sizes import check_sizes
 from taskspec.spec.words import Switch, Word
-from taskspec.text.data import Map
+from taskspec.text.data import Map, Text
 from taskspec.text.nodes import pointer
 from taskspec.text.suggest import closest
 from taskspec.text.units import ANGLE, DAMPING, LENGTH, MASS, NUMBER, STIFFNESS
@@ -114,6 +116,7 @@ class Shape(_SizedShape):
 
     noun = "an object"
     example = "table: {shape: plane, xyz: [0, 0, 300 mm]}"
+    aliases: ClassVar = {"diameter": Diameter(), "normal": Direction(), "axis": Direction()}
 
     stiffness: Annotated[
         float | Literal["rigid"], Constant(STIFFNESS, above=0, words=("rigid",))
@@ -172,6 +175,13 @@ class Shape(_SizedShape):
         return _of_no_kind(data, context, [*cls.model_fields, *cls.reserved])
 
     @classmethod
+    def advice_on(cls, key: str, data: Map) -> str:
+        """Which size of a shape its height is."""
+        if key in ("height", "tall") and isinstance(data.get("shape"), str):
+            return _HEIGHTS.get(str(data["shape"]), "")
+        return ""
+
+    @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
         """Requires the sizes of the shape."""
         shape = data.get("shape")
@@ -183,16 +193,33 @@ class Shape(_SizedShape):
         _check_carried(data, context)
 
 
+#: What the height of a shape is called.
+_HEIGHTS = {
+    "cylinder": "along its axis a cylinder has a 'length'",
+    "box": "the height of a box is the third entry of its 'size'",
+    "hole": "how far a hole goes down is its 'depth'",
+    "slot": "how far a slot goes down is its 'depth'",
+    "groove": "how far a groove goes down is its 'depth'",
+}
+#: What other systems call the key that says what an object is.
+_OF_KIND = ("type", "kind", "geometry", "geom", "joint", "form")
+
+
 def _of_no_kind(data: Map, context: ParseContext, keys: list[str]) -> Map:
     """Reports an object that none of the three keys gives a kind; returns what can be checked."""
     kinds = dict.fromkeys(_SHAPES, "shape") | dict.fromkeys(MECHANISMS, "mechanism")
-    slips = {
-        key: f"write {kinds[key]}: {key}, and its keys beside it"
-        if key in kinds
-        else f"did you mean '{near}'?"
-        for key in data
-        if key not in keys and (key in kinds or (near := closest(key, KIND_KEYS)))
-    }
+    slips: dict[str, str] = {}
+    for key, value in data.items():
+        kind = str(value) if isinstance(value, Text) else ""
+        kind = VALUE_WORDS.get(kind.lower(), kind)
+        if key in keys:
+            continue
+        if key in kinds:
+            slips[key] = f"write {kinds[key]}: {key}, and its keys beside it"
+        elif kind in kinds and key in _OF_KIND:
+            slips[key] = f"write {kinds[kind]}: {kind}"
+        elif near := closest(key, KIND_KEYS):
+            slips[key] = f"did you mean '{near}'?"
     for key, hint in slips.items():
         context.error("TS020", f"unknown key '{key}' in an object", data.node.key_span(key), hint)
     if not slips and complete(data, context):

@@ -148,6 +148,11 @@ def _leaf(node: nodes.Scalar, diagnostics: Diagnostics) -> Leaf | None:
     return _placed(Text(text), node)
 
 
+def text_of(node: nodes.Scalar) -> Text:
+    """A scalar as a text."""
+    return _placed(Text(node.value), node)
+
+
 Placed = TypeVar("Placed", Text, Whole, Real)
 
 

@@ -163,8 +163,7 @@ class Diagnostics:
             span = found.span and replace(found.span, via=())
             notes = reported.setdefault(replace(found, span=span, notes=()), {})
             notes.update(dict.fromkeys(found.notes))
-        alike = (replace(found, notes=tuple(notes)) for found, notes in reported.items())
-        return tuple(sorted(alike, key=_order))
+        return in_order(replace(found, notes=tuple(notes)) for found, notes in reported.items())
 
     @property
     def has_errors(self) -> bool:
@@ -176,6 +175,11 @@ class Diagnostics:
 
     def _name(self, span: Span | None) -> str:
         return span.source if span is not None and span.source else self.source
+
+
+def in_order(found: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Findings by source and place, equal ones once; those without a place first."""
+    return tuple(sorted(dict.fromkeys(found), key=_order))
 
 
 def _order(diagnostic: Diagnostic) -> tuple[str, int, int, str, str]:

@@ -46,22 +46,36 @@ class Sequence:
 
 @dataclass(slots=True)
 class Mapping:
-    """A mapping; `broken` means that an entry was left out because it is wrong."""
+    """A mapping.
+
+    Attributes:
+        span: its place.
+        flow: whether it is written in braces.
+        entries: key and value, by the key's name.
+        broken: an entry was left out because it is wrong.
+        written: the key that the file has in place of one of the language, as `diameter` for
+            `radius`, once it is read.
+    """
 
     span: Span
     flow: bool
     entries: dict[str, tuple[Scalar, Node]] = field(default_factory=dict)
     broken: bool = False
+    written: dict[str, str] = field(default_factory=dict)
 
     def get(self, key: str) -> Node | None:
         """The value of a key."""
-        entry = self.entries.get(key)
+        entry = self.entries.get(self.as_written(key))
         return entry[1] if entry else None
 
     def key_span(self, key: str) -> Span:
         """The place of a key, or of the mapping if it has no such key."""
-        entry = self.entries.get(key)
+        entry = self.entries.get(self.as_written(key))
         return entry[0].span if entry else self.span
+
+    def as_written(self, key: str) -> str:
+        """A key as the file has it."""
+        return self.written.get(key, key)
 
 
 Node = Scalar | Sequence | Mapping

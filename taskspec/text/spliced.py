@@ -1,4 +1,4 @@
-"""A scalar in which words stand for other texts: `-level` where `level` is `12 N`."""
+"""Scalars that are made of others: `-level` where `level` is `12 N`, or texts side by side."""
 
 from __future__ import annotations
 
@@ -110,6 +110,23 @@ def spliced(scalar: Scalar, texts: Mapping[str, Scalar], used: set[str]) -> Scal
     keep(len(scalar.value))
     origin = SplicedOrigin(scalar.span, text, scalar.origin.raw, scalar.origin.skip, [], pieces)
     return Scalar(text, scalar.plain, origin, scalar.comment)
+
+
+def joined(parts: Sequence[str | Scalar], place: Span) -> Scalar:
+    """A scalar that texts and scalars of a file make up.
+
+    Args:
+        parts: in their order.
+        place: of what is no scalar of the file.
+    """
+    pieces: list[_Piece] = []
+    text = ""
+    for part in parts:
+        start = len(text)
+        text += part if isinstance(part, str) else part.value
+        if isinstance(part, Scalar):
+            pieces.append(_Piece(start, len(text), part.origin, -start))
+    return Scalar(text, True, SplicedOrigin(place, text, "", 0, [], pieces))
 
 
 def reached(origin: Origin, words: str, place: Span) -> Origin:

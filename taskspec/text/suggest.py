@@ -11,15 +11,48 @@ _MOST_CHOICES = 12
 _MOST_COMPARISONS = 300
 """Comparing with more names than this would take longer than reading the file."""
 
+#: Letters of a part by which a word is known.
+_SHORTEST_PART = 3
+
 
 def closest(word: str, options: Iterable[str]) -> str | None:
-    """The option most like `word`, or None if none is like it."""
+    """The option that `word` is a slip of, or None.
+
+    A slip is a few letters that are wrong, missing, too many or exchanged, a word that is cut
+    short, or one with words before it, as `max_force`. A likeness that is less, such as that of
+    `axis` and `radius`, is one of other words.
+    """
     folded = {_fold(c): c for c in islice(options, _MOST_COMPARISONS)}
     wanted = _fold(word)
     if wanted in folded:
         return folded[wanted]
-    near = difflib.get_close_matches(wanted[:80], folded, n=1, cutoff=0.6)
-    return folded[near[0]] if near else None
+    near = difflib.get_close_matches(wanted[:80], folded, n=3, cutoff=0.6)
+    return next((folded[each] for each in near if _is_slip(wanted[:80], each)), None)
+
+
+def _is_slip(word: str, option: str) -> bool:
+    """Whether a word is an option with few mistakes, a part of it, or ends in it."""
+    short, long = sorted((word, option), key=len)
+    if len(short) >= _SHORTEST_PART and (long.startswith(short) or long.endswith(f"_{short}")):
+        return True
+    # The first letter of a word is seldom missed.
+    most = round(len(long) / 3) if word[:1] == option[:1] else len(long) // 4
+    return distance(word, option) <= max(1, most)
+
+
+def distance(a: str, b: str) -> int:
+    """Letters to insert, leave out, replace, or exchange with their neighbour, to make b of a."""
+    before: list[int] = []
+    row = list(range(len(b) + 1))
+    for i, letter in enumerate(a, 1):
+        above, row = row, [i]
+        for j, other in enumerate(b, 1):
+            cost = min(above[j] + 1, row[j - 1] + 1, above[j - 1] + (letter != other))
+            if i > 1 and j > 1 and letter == b[j - 2] and a[i - 2] == other:
+                cost = min(cost, before[j - 2] + 1)
+            row.append(cost)
+        before = above
+    return row[-1]
 
 
 def _fold(word: str) -> str:

@@ -20,6 +20,7 @@ from taskspec.spec import load_task
 from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.render import render
 from taskspec.text.source import Source
+from taskspec.unread import with_robot
 from taskspec_runner.trial.check import check
 
 FOLDER = Path(__file__).parent
@@ -46,14 +47,12 @@ def examined(path: Path) -> Examination:
 
 @cache
 def diagnostics_of(path: Path) -> tuple[tuple[Diagnostic, ...], Mapping[str, Source]]:
-    """Return everything that is found about a task, and the texts it refers to.
-
-    What needs robot and start is found only in a file that reads without an error.
-    """
+    """Return everything that is found about a task, and the texts it refers to."""
     try:
         examination = examined(path)
     except SpecError as error:
-        return error.diagnostics, error.sources
+        everything = with_robot(error)
+        return everything.diagnostics, everything.sources
     return examination.findings, examination.loaded.sources
 
 

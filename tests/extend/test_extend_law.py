@@ -65,10 +65,10 @@ def define() -> None:
 
 def test_it_is_validated(said):
     assert said["validate"].exit_code == 0, said["validate"].text
-    assert said["mistake"].exit_code == 1
+    assert said["mistake"].exit_code == 2
     refused = "wrong.yaml:5:35: error[TS207]: the law 'proportional' has no gain 'force.integral'"
     assert refused in said["mistake"].text
-    assert (said["refused"].exit_code, refused in said["refused"].text) == (1, True)
+    assert (said["refused"].exit_code, refused in said["refused"].text) == (2, True)
 
 
 def test_it_is_explained(said):

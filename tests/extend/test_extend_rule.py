@@ -37,7 +37,7 @@ def define() -> None:
 def test_a_file_is_validated_with_it(said):
     assert said["validate"].exit_code == 0
     assert "task.yaml:5:3: warning[TS698]: 'pale' is nearly a colour" in said["validate"].text
-    assert said["mistake"].exit_code == 1
+    assert said["mistake"].exit_code == 2
     assert "wrong.yaml:5:3: error[TS698]: 'red' is a colour" in said["mistake"].text
     assert "name what it does" in said["mistake"].text
 
@@ -55,7 +55,7 @@ def test_a_run_says_what_it_found(said):
 
 
 def test_it_refuses_a_run(said):
-    assert said["refused"].exit_code == 1
+    assert said["refused"].exit_code == 2
     assert "error[TS698]" in said["refused"].text
 
 

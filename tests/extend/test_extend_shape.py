@@ -95,7 +95,7 @@ def define() -> None:
 
 def test_it_is_validated(said):
     assert said["validate"].exit_code == 0, said["validate"].text
-    assert said["mistake"].exit_code == 1
+    assert said["mistake"].exit_code == 2
     assert "wrong.yaml:5:" in said["mistake"].text
     assert "span" in said["mistake"].text
 

@@ -81,7 +81,7 @@ def test_the_action_uses_every_input() -> None:
 
 def test_the_action_annotates_and_fails(repository: Path) -> None:
     done = validated(repository)
-    assert done.returncode == 1
+    assert done.returncode == 2
     (line,) = (line for line in done.stdout.splitlines() if line.startswith("::error"))
     assert line.startswith(f"::error file={BAD},line=")
     assert "title=TS020::" in line
@@ -89,7 +89,7 @@ def test_the_action_annotates_and_fails(repository: Path) -> None:
 
 def test_the_action_takes_its_inputs(repository: Path) -> None:
     assert validated(repository, ignore="TS020").returncode == 0
-    assert validated(repository, ignore="TS020", strict="true").returncode == 1
+    assert validated(repository, ignore="TS020", strict="true").returncode == 2
     assert validated(repository, paths=f"{GOOD}\n{GOOD}").returncode == 0
     assert validated(repository, paths="tasks/[b]ad.yaml", select="TS3").returncode == 0
     assert validated(repository, format="concise").stdout.endswith("of 3 files\n")
@@ -99,7 +99,7 @@ def test_the_action_takes_its_inputs(repository: Path) -> None:
 
 def test_the_action_writes_sarif(repository: Path) -> None:
     done = validated(repository, sarif="out.sarif")
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert "::error" in done.stdout
     log = json.loads((repository / "out.sarif").read_text(encoding="utf-8"))
     assert {r["ruleId"] for r in log["runs"][0]["results"]} == {"TS020", "TS304"}
@@ -124,7 +124,7 @@ def test_the_action_installs_itself_or_a_version(repository: Path, version: str,
 
 def test_the_hook_runs(repository: Path) -> None:
     assert (HOOK["language"], HOOK["types"]) == ("python", ["yaml"])
-    for files, code in (([GOOD, WARNED], 0), ([GOOD, BAD], 1)):
+    for files, code in (([GOOD, WARNED], 0), ([GOOD, BAD], 2)):
         assert all(re.search(HOOK["files"], file) for file in files)
         assert run(repository, shlex.join([*HOOK["entry"].split(), *files])).returncode == code
     assert not re.search(HOOK["files"], ".github/workflows/ci.yml")
@@ -176,7 +176,7 @@ def test_the_page_uses_gitlab_as_it_runs(repository: Path) -> None:
     (job,) = shown_file(".gitlab-ci.yml").values()
     install, validate = job["script"]
     assert install == "pip install --quiet taskspec-robotics"
-    assert run(repository, validate).returncode == 1
+    assert run(repository, validate).returncode == 2
     report = ElementTree.parse(repository / job["artifacts"]["reports"]["junit"])
     assert report.getroot().tag == "testsuites"
 
@@ -190,7 +190,7 @@ def test_the_page_runs_tasks_as_it_says(repository: Path) -> None:
     assert ElementTree.parse(repository / "tests.xml").getroot().attrib["failures"] == "0"
     (repository / BAD).write_text((repository / GOOD).read_text() + "nmae: x\n")
     found = run(repository, command)
-    assert found.returncode == 1
+    assert found.returncode == 2
     assert "title=TS" in found.stdout
     assert ElementTree.parse(repository / "tests.xml").getroot().attrib["failures"] == "1"
 

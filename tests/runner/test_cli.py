@@ -25,6 +25,7 @@ from taskspec.program.execution.transition import Transition
 from taskspec.program.program import Program
 from taskspec.spec import load_task
 from taskspec.spec.schema import FILE_NAME, schema_text
+from taskspec_runner import exit_codes
 from taskspec_runner.cli import app
 from taskspec_runner.cli import new as template_command
 from taskspec_runner.verdict.summary import transition_text
@@ -102,7 +103,7 @@ def test_a_stage_that_is_predicted_to_be_unstable_is_run_by_force_alone(
 ) -> None:
     (here / "rings.yaml").write_text(UNSTABLE, encoding="utf-8")
     refused = call("run", "rings.yaml", "--out", "out", "--format", form)
-    assert refused.exit_code == 1
+    assert refused.exit_code == 2
     assert "TS501" in refused.output
     assert "--force runs it all the same" in refused.output
     assert not Path("out").exists()
@@ -144,7 +145,7 @@ def test_run_as_data(tap: Path) -> None:
 def test_run_of_a_spoiled_file(tap: Path, form: str) -> None:
     tap.write_text(SPOILED)
     result = call("run", tap, "--format", form)
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert not Path("runs").exists()
     if form == "json":
         codes = {d["code"] for d in json.loads(result.stdout)["diagnostics"]}
@@ -156,7 +157,7 @@ def test_run_of_a_spoiled_file(tap: Path, form: str) -> None:
 
 def test_override_of_what_is_not_there(tap: Path) -> None:
     result = call("run", tap, "--set", "pres=20N")
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "--set:1:1: error[TS027]" in result.stderr
     assert "did you mean 'press'?" in result.stderr
     assert call("run", tap, "--set", "press").exit_code == 2
@@ -175,7 +176,7 @@ def test_law_replaces_every_law(tap: Path) -> None:
     result = call("run", tap, "--law", "parallel", "--format", "json")
     assert {s["law"] for s in json.loads(result.stdout)["stages"]} == {"parallel"}
     result = call("run", tap, "--law", "PARALEL")
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "did you mean 'parallel'?" in result.stderr
     assert result.stderr.count("--law:1:1: error[TS206]") == 1
     assert "--set" not in result.stderr
@@ -186,7 +187,7 @@ def test_law_replaces_every_law(tap: Path) -> None:
 
 def test_override_without_a_unit_is_pointed_at(tap: Path) -> None:
     result = call("run", tap, "--set", "press=20")
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "--set:1:1: note: 'press' is given here" in result.stderr
 
 
@@ -199,7 +200,7 @@ def test_vary_is_not_replaced_as_a_whole(tap: Path, value: str) -> None:
 
 def test_run_that_fails_says_what_did_not_happen(tap: Path) -> None:
     result = call("run", tap, "--set", "stages.approach.within={time: 50 ms}")
-    assert result.exit_code == 1
+    assert result.exit_code == 6
     assert "0.05 s passed without `force.x > 1 N`; so far: 1 of 4 " in result.stdout
     assert "expectations met until it failed" in result.stdout
     assert "so far  approach.visits <= 1" in result.stdout
@@ -308,7 +309,7 @@ def test_validate_finds_everything_in_one_pass(tap: Path, here: Path) -> None:
     (here / "more" / ".hidden.yaml").write_text("nonsense: [")
     (here / "more" / "notes.txt").write_text("")
     result = call("validate", here, tap)
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "error[TS112]" in result.stdout
     assert "did you mean 'time'?" in result.stdout
     assert result.stdout.endswith("errors in 1 of 2 files\n")
@@ -347,9 +348,9 @@ def test_standard_input() -> None:
 
     assert fed(TAP, "validate", "-").stdout == "no errors in 1 file\n"
     spoiled = fed(SPOILED, "validate", "-", "--format", "concise")
-    assert spoiled.exit_code == 1
+    assert spoiled.exit_code == 2
     assert spoiled.stdout.startswith("<stdin>:")
-    assert fed(SPOILED, "explain", "-").exit_code == 1
+    assert fed(SPOILED, "explain", "-").exit_code == 2
     # Under another law the text is needed twice.
     explained = fed(TAP, "explain", "-", "--law", "pd").stdout
     assert re.search(r"law +pd, equations", explained)
@@ -408,13 +409,43 @@ def test_validate_concise_and_as_data(tap: Path) -> None:
     first = data["diagnostics"][0]
     place = f"{first['file']}:{first['line']}:{first['column']}"
     assert lines[0] == f"{place}: error[{first['code']}]: {first['message']}"
-    assert (data["files"], data["exit_code"]) == (1, 1)
+    assert (data["files"], data["exit_code"]) == (1, 2)
+
+
+def test_a_missing_unit_hides_no_robot_and_no_start(tap: Path) -> None:
+    """All in one pass: what does not read, and what is wrong with the part that does."""
+    wrong = TAP.replace("time: 0.3 s", "time: 0.3")
+    tap.write_text(wrong.replace("planar2", "planar9"))
+    result = call("validate", tap)
+    assert result.exit_code == 2
+    assert {"TS110", "TS401"} == set(re.findall(r"error\[(TS\d+)\]", result.stdout))
+    tap.write_text(wrong.replace("xyz: [400 mm, 100 mm, 0]", "xyz: [4 m, 0, 0]"))
+    for command in ("validate", "run", "explain"):
+        result = call(command, tap)
+        assert result.exit_code == 2
+        codes = re.findall(r"error\[(TS\d+)\]", result.output)
+        assert codes == ["TS412", "TS110"], command
+    # Where the start itself does not read, nothing is said of how far it is.
+    tap.write_text(wrong.replace("xyz: [400 mm, 100 mm, 0]", "xyz: [4, 0, 0]"))
+    assert re.findall(r"error\[(TS\d+)\]", call("validate", tap).stdout) == ["TS110", "TS110"]
+
+
+def test_exit_codes_tell_missed_failed_stopped_and_wrong_apart(tap: Path) -> None:
+    def code(*sets: str) -> int:
+        options = [word for text in sets for word in ("--set", text)]
+        return call("run", tap, "--quiet", "--out", "out", *options).exit_code
+
+    assert code() == exit_codes.WELL == 0
+    assert code("expect.0=max(norm(force)) < 1 N") == exit_codes.MISSED == 1
+    assert code("press=5") == exit_codes.WRONG == 2
+    assert code("limits.force=3 N") == exit_codes.STOPPED == 4
+    assert code("stages.approach.within.time=50 ms") == exit_codes.FAILED == 6
 
 
 def test_validate_looks_at_the_robot(tap: Path) -> None:
     tap.write_text(TAP.replace("xyz: [400 mm, 100 mm, 0]", "xyz: [4 m, 0, 0]"))
     result = call("validate", tap)
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "[TS41" in result.stdout
 
 

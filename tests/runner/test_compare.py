@@ -86,7 +86,7 @@ def test_only_some_laws_can(tap: Path) -> None:
     tap.write_text(BOTH)
     code, data = compare(tap)
     # As written, under the default law, the file is refused.
-    assert code == 1
+    assert code == 2
     assert data["laws"][0]["outcome"] == "refused"
     able = {law["law"] for law in data["laws"] if law["outcome"] != "refused"}
     assert able == {law for law, facts in LAWS.items() if facts.shares}
@@ -104,10 +104,10 @@ def test_only_some_laws_can(tap: Path) -> None:
 def test_fewer_than_two_laws_are_no_comparison(tap: Path) -> None:
     tap.write_text(BOTH)
     result = call("compare", tap, *laws("parallel", "pd"))
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "only parallel can do this task, so there is nothing to compare" in result.stdout
     result = call("compare", tap, *laws("hybrid", "pd"), "--out", "none")
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "none of these laws can do this task" in result.stdout
     assert not Path("none").exists()
     # One that is named alone is held against the file as written.
@@ -119,7 +119,7 @@ def test_fewer_than_two_laws_are_no_comparison(tap: Path) -> None:
 def test_file_that_is_wrong_whatever_the_law(tap: Path, form: str) -> None:
     tap.write_text(BOTH.replace("velocity: 20 mm/s", "velocity: 20 mm"))
     result = call("compare", tap, *laws("hybrid", "parallel"), "--format", form)
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     if form == "json":
         found = [d["code"] for d in json.loads(result.stdout)["diagnostics"]]
     else:
@@ -150,7 +150,7 @@ def test_gain_that_a_law_does_not_have(tap: Path) -> None:
 def test_stops_and_failures_are_results(tap: Path) -> None:
     code, data = compare(tap, *laws("hybrid", "pd"), "--set", "limits={force: 3 N}")
     # That of the file as written counts.
-    assert code == 1
+    assert code == 4
     for law in data["laws"]:
         assert law["outcome"] == "stopped"
         assert re.search(r"in stage hold at 0\.\d+ s: limit on force: 3 N, measured", law["reason"])
@@ -158,7 +158,7 @@ def test_stops_and_failures_are_results(tap: Path) -> None:
     code, data = compare(
         tap, *laws("hybrid", "pd"), "--set", "stages.approach.within={time: 50 ms}"
     )
-    assert (code, {law["outcome"] for law in data["laws"]}) == (1, {"failed"})
+    assert (code, {law["outcome"] for law in data["laws"]}) == (6, {"failed"})
 
 
 def test_notes_say_what_the_file_loses(tap: Path) -> None:

@@ -127,7 +127,7 @@ def test_github_commands(diagnostic: Diagnostic, begins: str) -> None:
 def test_a_file_cannot_give_github_commands_of_its_own(here: Path) -> None:
     (here / "evil.yaml").write_text('"\\r\\n::error::mine": 1\n' + TAP)
     result = validate("evil.yaml", "--format", "github")
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     for line in result.stdout.splitlines():
         assert line.startswith("::error file=evil.yaml,line=1,")
 
@@ -275,7 +275,7 @@ def test_strict_lets_warnings_fail(here: Path) -> None:
     assert "warning[TS610]" in plain.stdout
     assert plain.exit_code == 0
     strict = validate("w.yaml", "--format", "concise", "--strict")
-    assert (strict.exit_code, strict.stdout) == (1, plain.stdout)
+    assert (strict.exit_code, strict.stdout) == (2, plain.stdout)
     assert validate("w.yaml", "--strict", "--ignore", "TS610,TS616").exit_code == 0
     assert "::warning" in validate("w.yaml", "--format", "github").stdout
     assert "::error" in validate("w.yaml", "--format", "github", "--strict").stdout
@@ -284,15 +284,15 @@ def test_strict_lets_warnings_fail(here: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "codes", "exit_code"),
     [
-        ([], ["TS004", "TS020"], 1),
-        (["--select", "TS02"], ["TS020"], 1),
-        (["--select", "ts004,TS3"], ["TS004"], 1),
-        (["--select", "TS004", "--select", "TS020"], ["TS004", "TS020"], 1),
+        ([], ["TS004", "TS020"], 2),
+        (["--select", "TS02"], ["TS020"], 2),
+        (["--select", "ts004,TS3"], ["TS004"], 2),
+        (["--select", "TS004", "--select", "TS020"], ["TS004", "TS020"], 2),
         (["--select", "TS3"], [], 0),
-        (["--ignore", "TS004"], ["TS020"], 1),
+        (["--ignore", "TS004"], ["TS020"], 2),
         (["--ignore", "TS0"], [], 0),
-        (["--ignore", "TS0", "--select", "TS004"], ["TS004"], 1),
-        (["--select", "TS0", "--ignore", "TS004"], ["TS020"], 1),
+        (["--ignore", "TS0", "--select", "TS004"], ["TS004"], 2),
+        (["--select", "TS0", "--ignore", "TS004"], ["TS020"], 2),
         (["--select", "TS0", "--ignore", "TS0"], [], 0),
     ],
 )

@@ -95,7 +95,7 @@ def test_what_python_refuses_the_command_line_refuses(
     )
     output = capsys.readouterr()
     data = json.loads(output.out)
-    assert (exit_code, data["exit_code"]) == (1, 1)
+    assert (exit_code, data["exit_code"]) == (2, 2)
     assert [d["code"] for d in data["diagnostics"]] == codes
     compiles = isinstance(gate.forced, Program)
     assert compiles == ("--force" in output.err)

@@ -341,7 +341,7 @@ def test_a_stage_that_allows_it_passes(tmp_path):
 def test_a_run_that_breaks_off_is_judged_as_far_as_it_came(tmp_path):
     """The outcome stays that of what ended it."""
     run = made(tmp_path, law=_RINGS, allow=", fail_if: t > 3 s")
-    assert (run.verdict, run.exit_code) == ("failed", 1)
+    assert (run.verdict, run.exit_code) == ("failed", 6)
     (found,) = run.findings
     assert found.kind == "oscillation"
     assert (found.start, found.end) == pytest.approx((1.5, 3.0), abs=5e-3)

@@ -266,7 +266,7 @@ def test_log_that_ends_before_the_task_is_no_pass(tap: Run, task: Path, tmp_path
     part = {name: values[:50] for name, values in columns.items()}
     log = written(tmp_path / "log.csv", part, dict(tap.history.units) | {"clock": "s"})
     result = judged(task, log, tmp_path / "out")
-    assert result.exit_code == 1
+    assert result.exit_code == 6
     assert "the log ends, and 'hold' would follow" in " ".join(result.stdout.split())
 
 

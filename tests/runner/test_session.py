@@ -115,7 +115,7 @@ def test_limit_stops_the_run(tap: Path, tmp_path: Path) -> None:
 
 def test_bound_reached_fails_the_run(tap: Path, tmp_path: Path) -> None:
     result = run(tap, tmp_path / "run", stages__approach__within__time="50 ms")
-    assert result.exit_code == 1
+    assert result.exit_code == 6
     assert (result.summary["status"], result.summary["ending"]["reason"]) == ("failed", "time")
     assert result.expectations[0].explanation == "stage 'hold' was never visited"
 

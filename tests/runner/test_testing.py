@@ -47,7 +47,7 @@ def tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_each_file_is_run_and_what_failed_is_told(tasks: Path) -> None:
     result = call("test", tasks, "--jobs", "1", "--durations", "1")
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     lines = [line.split() for line in result.stdout.splitlines()]
     assert [line[0] for line in lines[:5]] == ["passed", "passed", "FAILED", "FAILED", "FAILED"]
     assert "FAIL  soft-touch: max(norm(force)) < 2 N" in result.stdout
@@ -68,7 +68,7 @@ def test_processes_tell_the_same(tasks: Path) -> None:
         done = subprocess.run(
             [*command, "--format", "json"], capture_output=True, text=True, check=False
         )
-        assert done.returncode == 1, done.stderr
+        assert done.returncode == 2, done.stderr
         found = json.loads(done.stdout)
         assert (found.pop("passed"), found.pop("failed")) == (2, 3)
         for each in (found, *found["files"]):
@@ -178,10 +178,10 @@ def test_github_shows_what_was_missed_at_its_line(tasks: Path) -> None:
 
 @pytest.mark.parametrize("form", ["junit", "github"])
 def test_one_run_is_told_in_the_same_form(tasks: Path, form: str) -> None:
-    for name in ("hard", "refused"):
+    for name, code in (("hard", 1), ("refused", 2)):
         alone = call("run", tasks / "deep" / f"{name}.yaml", "--format", form, "--out", "out")
         many = call("test", tasks, "-k", name, "--jobs", "1", "--format", form)
-        assert alone.exit_code == many.exit_code == 1
+        assert alone.exit_code == many.exit_code == code
         cases = [
             [line for line in each.stdout.splitlines() if "<failure" in line or "::error" in line]
             for each in (alone, many)

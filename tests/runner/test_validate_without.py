@@ -44,7 +44,7 @@ def test_the_language_is_checked(tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text(TASK.read_text().replace("frame: ", "frmae: ", 1), encoding="utf-8")
     result = validate("mujoco", str(wrong), "--format", "concise")
-    assert result.returncode == 1
+    assert result.returncode == 2
     assert "error[TS" in result.stdout
     assert "did you mean" in validate("mujoco", str(wrong)).stdout
 
@@ -52,7 +52,7 @@ def test_the_language_is_checked(tmp_path: Path) -> None:
 def test_strict_does_not_pass_what_was_not_checked() -> None:
     result = validate("pinocchio", str(TASK), "--strict", "--format", "json")
     data = json.loads(result.stdout)
-    assert result.returncode == data["exit_code"] == 1
+    assert result.returncode == data["exit_code"] == 2
     assert data["unchecked"].startswith("pinocchio cannot be imported")
 
 

@@ -12,6 +12,7 @@ from taskspec.compiler import compile_task
 from taskspec.program.worlds import random_world
 from taskspec.spec import load_text
 from taskspec.spec.sweep import RateExpectation
+from taskspec_runner.sweep.kept import WORST, chosen
 from taskspec_runner.sweep.statistics import Rate, influences, ranks, regions
 from taskspec_runner.sweep.summary import (
     MET,
@@ -169,3 +170,44 @@ def test_worlds_that_were_chosen_tell_of_no_probability(kind):
         assert (judged["verdict"], judged["needed"], judged["interval"]) == (verdict, None, None)
         assert rate_text(judged) == f"{good} of 4 worlds, {25 * good} %"
         assert summarise(task, made)["judged"][0]["verdict"] == UNDECIDED
+
+
+def test_a_run_that_broke_off_is_judged_as_far_as_it_got():
+    """39 of 40 worlds touch nothing and end early; they stayed below 30 N as far as they got."""
+    text = TASK + (
+        "expect: {gentle: max(norm(force)) < 30 N, there: last(wait.gap) < 20 mm}\n"
+        "sweep: {expect: [gentle >= 80 %, success >= 20 %]}\n"
+    )
+    task = load_text(text, "task.yaml").task
+    early = {"success": False, "status": "failed", "verdict": "failed", "reason": "travel",
+             "margin": None, "expect gentle": None, "expect there": False}  # fmt: skip
+    made = [{**early, "world": n, "duration": 1.0 - 0.01 * n} for n in range(39)]
+    last = {"success": False, "status": "done", "verdict": "missed", "duration": 4.0,
+            "margin": -0.1, "expect gentle": True, "expect there": False}  # fmt: skip
+    made.append({**last, "world": 39})
+    summary = summarise(task, made)
+    gentle, there = summary["expectations"]
+    assert (gentle["good"], gentle["of"], gentle["so_far"]) == (40, 40, 39)
+    assert (there["good"], there["so_far"]) == (0, 0)
+    assert [each["verdict"] for each in summary["judged"]] == [MET, MISSED]
+    assert rate_text(gentle).endswith("; 39 of them as far as they got")
+    assert rate_text(there) == "0 of 40 worlds, 0 % (0 to 8.762 %)"
+    # The first that ended early, as none of them has a margin; and the one that was run to its end.
+    assert summary["worst"] == [
+        {"end": "failed: travel", "world": 38, "margin": None},
+        {"end": "missed", "world": 39, "margin": -0.1},
+    ]
+    assert chosen(WORST, made) == [38, 39]
+
+
+def test_a_world_that_could_not_be_run_met_nothing():
+    task = load_text(TASK + "expect: {gentle: max(norm(force)) < 30 N}\n", "task.yaml").task
+    made = [
+        {"world": 0, "success": True, "status": "done", "verdict": "passed", "margin": 0.2,
+         "expect gentle": True},
+        {"world": 1, "success": False, "status": "broken", "verdict": "broken", "text": "why",
+         "expect gentle": None},
+    ]  # fmt: skip
+    summary = summarise(task, made)
+    assert summary["expectations"][0]["good"] == 1
+    assert [each["world"] for each in summary["worst"]] == [0]

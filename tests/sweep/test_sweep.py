@@ -476,3 +476,24 @@ def test_worlds_to_keep_are_asked_for_before_any_is_run(tap, tmp_path):
     with pytest.raises(InputError, match="--keep names world 7; this sweep has those from 0 to 3"):
         sweep(program, worlds, tmp_path / "s", keep="1,7")
     assert not (tmp_path / "s").exists()
+
+
+def test_the_worst_world_of_each_end_is_kept_and_named(tmp_path):
+    """The wall is up to 60 mm away, and the tool goes 24 mm: most worlds touch nothing."""
+    task = tmp_path / "far.yaml"
+    task.write_text(TAP.replace("[normal(1 mm), 0, 0]", "[510..560 mm, 0, 0]"), encoding="utf-8")
+    said = ran("sweep", task, "--out", tmp_path / "s", "--worlds", "8", "-j", 1).stdout
+    summary = json.loads((tmp_path / "s" / SWEEP).read_text(encoding="utf-8"))
+    gentle = summary["expectations"][0]
+    early = [row for row in read_table(tmp_path / "s" / TABLE).to_pylist()
+             if row["status"] == "failed"]  # fmt: skip
+    assert len(early) > 1
+    assert gentle["good"] == 8
+    assert gentle["so_far"] == len(early)
+    assert f"{len(early)} of them as far as they got" in said
+    ends = {each["end"]: each["world"] for each in summary["worst"]}
+    assert ends.keys() == summary["ends"].keys() >= {"failed: time"}
+    for end, world in ends.items():
+        assert f"worst ({summary['ends'][end]} {end}): world {world}" in said
+        assert (tmp_path / "s" / "worlds" / f"{world:06}" / "report.html").is_file()
+        assert f"worst of {end}" in (tmp_path / "s" / PAGE).read_text(encoding="utf-8")

@@ -35,6 +35,7 @@ from taskspec_runner.compare.page import write_comparison
 from taskspec_runner.compare.session import run_attempts
 from taskspec_runner.compare.summary import opening, summarise
 from taskspec_runner.errors import InputError
+from taskspec_runner.exit_codes import WRONG
 from taskspec_runner.loop.interrupt import Termination
 from taskspec_runner.record import folder as folders
 from taskspec_runner.record.folder import RunFolder, check_unlocked
@@ -58,8 +59,8 @@ def compare_laws(file: Path, given: CompareOptions) -> int:
         # The file is wrong whatever the law, so there is nothing to say of the laws.
         if not as_data:
             raise SpecError(everywhere, attempts[0].sources)
-        _print({"exit_code": 1, "diagnostics": [record(d) for d in everywhere]})
-        return 1
+        _print({"exit_code": WRONG, "diagnostics": [record(d) for d in everywhere]})
+        return WRONG
     loaded = next((a.program.context.loaded for a in attempts if a.program), None)
     name = loaded.task.name if loaded else file.stem
     opened = opening(name, str(file), sets, given.seed, _notes(file, sets, loaded))

@@ -16,6 +16,7 @@ from taskspec_runner.diff.difference import NAMES, Difference, diff_runs
 from taskspec_runner.diff.page import headline, leads, share, write_difference
 from taskspec_runner.diff.sentences import largest_text, parting
 from taskspec_runner.errors import InputError
+from taskspec_runner.exit_codes import MISSED, WELL
 from taskspec_runner.pages.numbers import quantity
 from taskspec_runner.record.folder import plain
 from taskspec_runner.runs import Run
@@ -24,7 +25,6 @@ from taskspec_runner.verdict.judged import title_of
 if TYPE_CHECKING:
     from rich.table import Table
 
-_EXIT_SAME, _EXIT_DIFFERENT = 0, 1
 #: Columns that a terminal lists.
 _COLUMNS = 6
 #: What the page writes with, as a terminal of any kind shows it.
@@ -48,7 +48,7 @@ def diff_folders(a: Path, b: Path, page: Path | None, form: RunFormat) -> int:
     shown = [
         warn_of_damage(run, name=name) for name, run in zip(NAMES, difference.runs, strict=True)
     ]
-    return _EXIT_SAME if difference.equal and not any(shown) else _EXIT_DIFFERENT
+    return WELL if difference.equal and not any(shown) else MISSED
 
 
 def _show(difference: Difference) -> None:

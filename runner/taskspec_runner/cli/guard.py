@@ -1,8 +1,7 @@
 """Exit codes: how every end of a command is reported to the shell.
 
-0 well; 1 a task file is wrong, or a run missed what it expects; 2 usage, or a file that cannot be
-read or written; 3 an internal error; 4 a safety stop; 130 interrupted;
-143 and 129 terminated by SIGTERM and SIGHUP.
+Those of `taskspec_runner.exit_codes`; 130 interrupted, 143 and 129 terminated by SIGTERM and
+SIGHUP.
 """
 
 from __future__ import annotations
@@ -23,11 +22,11 @@ import typer
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.diagnostics import show_diagnostics
 from taskspec_runner.errors import InputError, OutputError, RunCrashedError
+from taskspec_runner.exit_codes import INTERNAL, WRONG
 from taskspec_runner.loop.interrupt import BY_SIGNAL, signal_of
 
 P = ParamSpec("P")
 
-WELL, WRONG, USAGE, INTERNAL = 0, 1, 2, 3
 #: What a shell reports of a command whose reader went away.
 _PIPE = 141
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
@@ -55,7 +54,7 @@ def _outcome(command: Callable[[], int]) -> int:
         return WRONG
     except (InputError, OutputError) as error:
         _say(str(error))
-        return USAGE
+        return WRONG
     except KeyboardInterrupt as error:
         _say(str(error) or "interrupted")
         return BY_SIGNAL + signal_of(error)
@@ -88,7 +87,7 @@ def lost(error: OSError) -> int:
     if isinstance(error, BrokenPipeError):
         return _PIPE
     _say(f"cannot write to standard output: {error.strerror}")
-    return USAGE
+    return WRONG
 
 
 def _say(text: str) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import typer
 
+from taskspec_runner import exit_codes
 from taskspec_runner.cli.console import show
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
@@ -27,9 +28,8 @@ from taskspec_runner.runs import RebuildError, Run
 from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.judged import title_of
-from taskspec_runner.verdict.summary import EXIT_UNDECIDED
 
-_GOOD, _WRONG = 0, 1
+_OF_STATUS = {"failed": exit_codes.FAILED, "stopped": exit_codes.STOPPED}
 _WORDS = {True: "met", False: "missed", None: "not judged"}
 
 
@@ -46,8 +46,7 @@ def judge_log(
     """Judges what was recorded elsewhere by a task file, and reports how it went.
 
     Returns:
-        0 if every expectation was met without a finding against it; 1 if one was missed, or the log
-        ends before the task; 5 if none was missed and one needs what was not recorded.
+        The exit code of the run; FAILED too where the log ends before the task.
     """
     from taskspec_runner.recorded.judging import judge_recording
 
@@ -79,7 +78,7 @@ def list_maps() -> int:
             ("assumes", said.assumes),
         ):
             show(Padding(Text(f"{title}: {text}"), (0, 0, 0, 2)))
-    return _GOOD
+    return exit_codes.WELL
 
 
 def judge_folder(folder: Path, form: RunFormat, *, recorded: bool = False) -> int:
@@ -91,8 +90,9 @@ def judge_folder(folder: Path, form: RunFormat, *, recorded: bool = False) -> in
         recorded: whether options were given that a log from elsewhere needs.
 
     Returns:
-        0 if the run came to its end, met every expectation without a finding against it, and its
-        summary says the same of each; else 1.
+        WELL if the run came to its end, met every expectation without a finding against it, and its
+        summary says the same of each; else what it exited with, MISSED where only its summary says
+        something else or its log is cut off.
     """
     if recorded or folder.is_file():
         raise InputError(
@@ -114,9 +114,13 @@ def judge_folder(folder: Path, form: RunFormat, *, recorded: bool = False) -> in
     whole = not run.extent.partial and run.extent.status == "done"
     held = not any(each["passed"] is False for each in judged)
     held = held and all(each["allowed"] for each in found)
-    code = _GOOD if held and whole and not apart else _WRONG
-    if code == _GOOD and any(each["passed"] is None for each in judged):
-        code = EXIT_UNDECIDED
+    code = exit_codes.WELL
+    if not whole:
+        code = _OF_STATUS.get(run.extent.status, exit_codes.MISSED)
+    elif not held or apart:
+        code = exit_codes.MISSED
+    elif any(each["passed"] is None for each in judged):
+        code = exit_codes.UNDECIDED
     if form is RunFormat.JSON:
         data = {"expectations": judged, "findings": found, "apart": apart, "damage": run.damage}
         typer.echo(json.dumps({"exit_code": code, **data}, indent=2, ensure_ascii=False))

@@ -11,9 +11,10 @@ from typing import TextIO
 
 from taskspec.spec import LoadedTask, load_task, load_text, read_text, tree_of
 from taskspec.text import nodes
-from taskspec.text.diagnostic import Diagnostic, Note, SpecError
+from taskspec.text.diagnostic import Diagnostic, Note, SpecError, in_order
 from taskspec.text.source import OVERRIDES, Source, Span
 from taskspec.text.yaml import MAX_BYTES
+from taskspec.unread import with_robot
 from taskspec_runner.cli.given import LAW, STDIN, changes
 from taskspec_runner.errors import InputError
 
@@ -43,9 +44,10 @@ def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> Loaded
         except SpecError as error:
             lines = {number: key for number, key in enumerate(overrides, 1)}
             by_law = {n: key for n, key in lines.items() if key in laws and key not in given}
-            traced = [_traced(_of_law(d, by_law), lines) for d in error.diagnostics]
+            found = with_robot(error).diagnostics
+            traced = [_traced(_of_law(d, by_law), lines) for d in found]
             sources = {**error.sources, LAW: Source(LAW, law or "")}
-            raise SpecError(dict.fromkeys(traced), sources) from error
+            raise SpecError(in_order(traced), sources) from error
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:

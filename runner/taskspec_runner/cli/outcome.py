@@ -10,6 +10,7 @@ import typer
 
 from taskspec.text.units import FORCE, LENGTH, MOMENT, Dimension, scaled
 from taskspec_runner.cli.console import show, table
+from taskspec_runner.exit_codes import FAILED, MISSED, STOPPED, UNDECIDED, WELL
 from taskspec_runner.link.link import sentence
 from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.runs import Run
@@ -24,10 +25,9 @@ if TYPE_CHECKING:
 
 _NOT_FINITE = "not finite"
 _STYLES = {
-    0: "bold green",
-    1: "bold red",
-    4: "bold red",
-    **dict.fromkeys((5, 129, 130, 143), "bold yellow"),
+    WELL: "bold green",
+    **dict.fromkeys((MISSED, STOPPED, FAILED), "bold red"),
+    **dict.fromkeys((UNDECIDED, 129, 130, 143), "bold yellow"),
 }
 
 

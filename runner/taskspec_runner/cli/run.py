@@ -19,6 +19,7 @@ from taskspec_runner.cli.formats import OutcomeFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.options import RecordOptions, RobotOptions, TaskOptions, WorldOptions
 from taskspec_runner.errors import InputError
+from taskspec_runner.exit_codes import WRONG
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.folder import check_folder, check_unlocked
 
@@ -61,10 +62,10 @@ def run_task(
         if as_text:
             raise
         if form is OutcomeFormat.JSON:
-            _print({"exit_code": 1, "diagnostics": [record(d) for d in error.diagnostics]})
+            _print({"exit_code": WRONG, "diagnostics": [record(d) for d in error.diagnostics]})
         else:
             _report(form, refused_by(file, error))
-        return 1
+        return WRONG
     if program.findings and not quiet:
         show_diagnostics(program.findings, program.context.loaded.sources, err=True)
     chosen = chosen_world(program.context, given.seed, given.world)

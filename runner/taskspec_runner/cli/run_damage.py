@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import typer
 
+from taskspec_runner.exit_codes import MISSED, WELL
 from taskspec_runner.runs import Run
-
-_WELL, _DAMAGED = 0, 1
 
 
 def warn_of_damage(run: Run, what: str = "", *, name: str = "") -> int:
@@ -23,7 +22,7 @@ def warn_of_damage(run: Run, what: str = "", *, name: str = "") -> int:
     for changed in run.changed:
         typer.echo(f"{before}{changed} is no longer as the run read it", err=True)
     if not run.damage:
-        return _WELL
+        return WELL
     so = f"; {what} is no evidence of the run" if what else ""
     typer.echo(f"{before}{run.damage}{so}", err=True)
-    return _DAMAGED
+    return MISSED

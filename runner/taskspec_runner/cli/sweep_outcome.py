@@ -19,6 +19,7 @@ from taskspec_runner.sweep.summary import (
     UNDECIDED,
     interval_text,
     rate_text,
+    so_far_text,
 )
 
 _STYLES = {MET: "bold green", UNDECIDED: "bold yellow"}
@@ -64,11 +65,14 @@ def verdict_lines(summary: Mapping[str, Any]) -> Iterator[Text]:
 
 def _rates(summary: Mapping[str, Any]) -> Any:
     sampled = summary["success"]["interval"] is not None
-    made = table("expectation", "met in", *(["at 95 %"] if sampled else []), right=("met in",))
+    broken_off = any(each["so_far"] for each in summary["expectations"])
+    more = ["at 95 %"] * sampled + ["ended before"] * broken_off
+    made = table("expectation", "met in", *more, right=("met in",))
     for each in summary["expectations"]:
         share = 100 * each["share"] if each["of"] else 0.0
         label = each["text"] if each["name"].isdecimal() else f"{each['name']}: {each['text']}"
-        made.add_row(f"  {label}", f"{share:.4g} %", *([interval_text(each)] if sampled else []))
+        cells = [interval_text(each)] * sampled + [so_far_text(each)] * broken_off
+        made.add_row(f"  {label}", f"{share:.4g} %", *cells)
     return made
 
 
@@ -84,16 +88,19 @@ def _depends(result: SweepResult) -> Iterator[str]:
         yield f"what matters ({told_of}): {', '.join(parts)}"
     for each in summary["regions"]:
         yield each["text"]
-    worst = summary["worst"]
-    if worst is not None:
+    for worst in summary["worst"]:
         row = result.rows[worst["world"]]
         values = [
             f"{name} = {scaled(value, component_dimension(task, name), 3)}"
             for name, value in row.items()
             if name.startswith(("world.", "robot.")) and value is not None
         ]
-        margin = number(100 * worst["margin"], 3)
-        yield f"worst: world {worst['world']}, margin {margin} %: {', '.join(values)}"
+        known = worst["margin"] is not None
+        margin = f", margin {number(100 * worst['margin'], 3)} %" if known else ""
+        so_far = " so far" if known and row["status"] != "done" else ""
+        which = f"({summary['ends'][worst['end']]} {worst['end']})"
+        world = f"world {worst['world']}{margin}{so_far}"
+        yield f"worst {which}: {world}: {', '.join(values)}"
 
 
 def _worlds(numbers: Sequence[int]) -> str:

@@ -19,10 +19,11 @@ from taskspec_runner.cli.parallel import in_order, processors
 from taskspec_runner.cli.testing import github, junit
 from taskspec_runner.cli.testing.execution import Manner, try_file
 from taskspec_runner.cli.testing.last import LastOutcomes
-from taskspec_runner.cli.testing.outcome import BROKEN, UNREADABLE, WELL, WRONG, FileOutcome
+from taskspec_runner.cli.testing.outcome import FileOutcome
 from taskspec_runner.cli.testing.selection import chosen_by
 from taskspec_runner.cli.validate import task_files
 from taskspec_runner.errors import InputError
+from taskspec_runner.exit_codes import INTERNAL, MISSED, WELL, WRONG
 from taskspec_runner.loop.interrupt import Termination
 from taskspec_runner.record.folder import check_target
 from taskspec_runner.record.whole import write_whole
@@ -127,7 +128,7 @@ def _code(outcomes: Iterable[FileOutcome]) -> int:
     codes = {each.code for each in outcomes if not each.passed}
     if not codes:
         return WELL
-    return next((code for code in (BROKEN, UNREADABLE) if code in codes), WRONG)
+    return next((code for code in (INTERNAL, WRONG) if code in codes), MISSED)
 
 
 def _sum_up(

@@ -8,6 +8,7 @@ from dataclasses import field, replace
 from taskspec.deferred_methods import dataclass
 from taskspec.text.diagnostic import Diagnostic, Severity
 from taskspec.text.source import Source
+from taskspec_runner.exit_codes import INTERNAL, WELL, WRONG
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,13 +67,12 @@ class Validation:
 
     @property
     def exit_code(self) -> int:
-        """3 after an internal error, 2 if a file could not be read, 1 if one is wrong, else 0."""
+        """INTERNAL after an internal error, WRONG if a file is wrong or unreadable, else WELL."""
         if self.broken:
-            return 3
-        if self.unreadable:
-            return 2
+            return INTERNAL
         fails = any(self.fails(d) for found in self.diagnostics.values() for d in found)
-        return int(fails or (self.strict and bool(self.unchecked)))
+        wrong = fails or self.unreadable or (self.strict and self.unchecked)
+        return WRONG if wrong else WELL
 
     @property
     def headline(self) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from taskspec.laws import LAWS
+from taskspec_runner import exit_codes
 from taskspec_runner.compare.attempt import AS_WRITTEN, CRASHED, Attempt
 from taskspec_runner.compare.gains import stage_gains
 from taskspec_runner.compare.ranking import ranks
@@ -14,23 +15,23 @@ from taskspec_runner.compare.tracking import Json, force_axes, tracking
 FORMAT = 1
 #: Runs that make a comparison.
 _ENOUGH = 2
-_GOOD, _MISSED, _INTERNAL = 0, 1, 3
 
 
 def exit_code(attempts: Sequence[Attempt]) -> int:
-    """0 well; 1 too few laws could be run; 3 an internal error; 128 + n ended by signal n.
+    """That of the task as written; MISSED where too few other laws could be run.
 
-    1, too, where the task as written does not do what its file expects. That another law misses
-    it, fails or is stopped is a result like another.
+    That another law misses what is expected, fails or is stopped is a result like another.
+    INTERNAL after an internal error, 128 + n where signal n has broken it off.
     """
     signals = [each.broken_off for each in attempts if each.broken_off]
     if signals:
         return signals[0]
     if any(each.outcome == CRASHED for each in attempts):
-        return _INTERNAL
-    if not comparable(attempts) or any(e.law == AS_WRITTEN and not e.good for e in attempts):
-        return _MISSED
-    return _GOOD
+        return exit_codes.INTERNAL
+    own = next((each for each in attempts if each.law == AS_WRITTEN), None)
+    if own is not None and not own.good:
+        return exit_codes.WRONG if own.run is None else own.run.exit_code
+    return exit_codes.WELL if comparable(attempts) else exit_codes.MISSED
 
 
 def comparable(attempts: Sequence[Attempt]) -> bool:

@@ -13,7 +13,7 @@ from taskspec_runner.record.names import MANIFEST
 from taskspec_runner.sweep.bundle import Bundle, program_of
 from taskspec_runner.sweep.engine import processes
 from taskspec_runner.sweep.folder import KEPT
-from taskspec_runner.sweep.summary import worst_world
+from taskspec_runner.sweep.summary import worst_worlds
 from taskspec_runner.sweep.world_run import BROKEN, Row
 from taskspec_runner.sweep.worlds import Worlds
 
@@ -35,8 +35,7 @@ def chosen(keep: str, rows: Sequence[Row]) -> list[int]:
     if keep == FAILED:
         return [int(row["world"]) for row in rows if not row["success"] and row["status"] != BROKEN]
     if keep == WORST:
-        worst = worst_world(rows)
-        return [] if worst is None else [int(worst["world"])]
+        return sorted(int(row["world"]) for row in worst_worlds(rows).values())
     # Of a world that broke there is no run.
     return sorted(set(_numbers(keep)).intersection(ran))
 

@@ -30,11 +30,13 @@ class Rate:
         of: times that it was tried.
         sampled: it was tried in random worlds, so that it tells of all of them; not so of worlds
             that somebody chose.
+        so_far: of the times that it held, those in which the run did not come to its end.
     """
 
     good: int
     of: int
     sampled: bool = True
+    so_far: int = 0
 
     @property
     def share(self) -> float:
@@ -59,7 +61,13 @@ class Rate:
     def as_data(self) -> dict[str, Any]:
         """For a summary; only what was sampled has an interval."""
         interval = self.interval() if self.sampled else None
-        return {"good": self.good, "of": self.of, "share": self.share, "interval": interval}
+        return {
+            "good": self.good,
+            "of": self.of,
+            "share": self.share,
+            "interval": interval,
+            "so_far": self.so_far,
+        }
 
 
 @dataclass(frozen=True, slots=True)

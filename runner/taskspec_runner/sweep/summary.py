@@ -11,6 +11,7 @@ from taskspec.program.worlds import component_dimension
 from taskspec.spec import Task
 from taskspec.spec.sweep import SUCCESS, RateExpectation
 from taskspec.text.units import scaled
+from taskspec_runner import exit_codes
 from taskspec_runner.sweep.statistics import Influence, Rate, Region, influences, regions
 from taskspec_runner.sweep.world_run import BROKEN, Row, expectation_keys
 from taskspec_runner.sweep.worlds import RANDOM
@@ -95,7 +96,13 @@ def rate_text(rate: Mapping[str, Any]) -> str:
     """Such as `987 of 1000 worlds, 98.7 % (97.8 to 99.2 %)`."""
     share = 100 * rate["share"] if rate["of"] else 0.0
     ends = interval_text(rate)
-    return f"{rate['good']} of {rate['of']} worlds, {share:.4g} %{f' ({ends})' if ends else ''}"
+    text = f"{rate['good']} of {rate['of']} worlds, {share:.4g} %{f' ({ends})' if ends else ''}"
+    return f"{text}; {so_far_text(rate)}" if rate["so_far"] else text
+
+
+def so_far_text(rate: Mapping[str, Any]) -> str:
+    """Such as `39 of them as far as they got`; empty where every run came to its end."""
+    return f"{rate['so_far']} of them as far as they got" if rate["so_far"] else ""
 
 
 def interval_text(rate: Mapping[str, Any]) -> str:
@@ -109,11 +116,16 @@ def interval_text(rate: Mapping[str, Any]) -> str:
 def expectation_rates(
     task: Task, rows: Sequence[Row], *, sampled: bool = True
 ) -> dict[str, tuple[str, Rate]]:
-    """Of each expectation its text and how often it was met, by what the table calls it."""
+    """Of each expectation its text and how often it was met, by what the table calls it.
+
+    A run that did not come to its end is judged as far as it got.
+    """
+    ran = [row for row in rows if row["status"] != BROKEN]
     found = {}
     for key, text in expectation_texts(task).items():
-        good = sum(row.get(f"expect {key}") is True for row in rows)
-        found[key] = (text, Rate(good, len(rows), sampled))
+        met = [row.get(f"expect {key}") for row in ran]
+        so_far = met.count(None)
+        found[key] = (text, Rate(met.count(True) + so_far, len(rows), sampled, so_far))
     return found
 
 
@@ -134,7 +146,6 @@ def summarise(task: Task, rows: Sequence[Row], kind: str = RANDOM) -> dict[str, 
     success = Rate(sum(row["success"] for row in rows), len(rows), sampled)
     by_text = expectation_rates(task, rows, sampled=sampled)
     judged = [JudgedRate.of(each, _rate(each.what, success, by_text)) for each in expected(task)]
-    worst = worst_world(rows)
     return {
         "success": success.as_data(),
         "expectations": [
@@ -142,7 +153,10 @@ def summarise(task: Task, rows: Sequence[Row], kind: str = RANDOM) -> dict[str, 
         ],
         "judged": [each.as_data() for each in judged],
         "ends": _counts(rows),
-        "worst": None if worst is None else {"world": worst["world"], "margin": worst["margin"]},
+        "worst": [
+            {"end": end, "world": row["world"], "margin": row.get("margin")}
+            for end, row in worst_worlds(rows).items()
+        ],
         "influences": [_influence(each) for each in influences(rows)],
         "regions": [_region(each, task) for each in regions(rows)],
         "exit_code": exit_code(judged, rows),
@@ -155,15 +169,34 @@ def expected(task: Task) -> tuple[RateExpectation, ...]:
 
 
 def exit_code(judged: Sequence[JudgedRate], rows: Sequence[Row]) -> int:
-    """0 if all that is expected was met; 1 if not, or a world broke; without expectations 0."""
+    """MISSED unless all that is expected of the sweep was met and no world broke; else WELL."""
     broke = any(row["status"] == BROKEN for row in rows)
-    return int(broke or any(each.verdict != MET for each in judged))
+    missed = any(each.verdict != MET for each in judged)
+    return exit_codes.MISSED if broke or missed else exit_codes.WELL
 
 
-def worst_world(rows: Sequence[Row]) -> Row | None:
-    """That with the least margin, of those that came to their end."""
-    known = [row for row in rows if row.get("margin") is not None and row["status"] == "done"]
-    return min(known, key=lambda row: (row["margin"], row["world"]), default=None)
+def worst_worlds(rows: Sequence[Row]) -> dict[str, Row]:
+    """By kind of end, the most frequent first, the world with the least margin.
+
+    Of worlds without a margin, as nothing was touched, it is the one that ended first.
+    """
+    found: dict[str, Row] = {}
+    for end in _counts(rows):
+        same = [row for row in rows if end_of(row) == end and row["status"] != BROKEN]
+        if same:
+            found[end] = min(same, key=_badness)
+    return found
+
+
+def _badness(row: Row) -> tuple[float, float, int]:
+    margin = row.get("margin")
+    return (math.inf if margin is None else margin, row.get("duration", 0.0), row["world"])
+
+
+def end_of(row: Row) -> str:
+    """How a world ended: its verdict, and the reason where it was stopped or failed."""
+    how = str(row["verdict"])
+    return f"{how}: {row['reason']}" if how in ("stopped", "failed") else how
 
 
 def _rate(what: str, success: Rate, by_text: Mapping[str, tuple[str, Rate]]) -> Rate:
@@ -171,12 +204,10 @@ def _rate(what: str, success: Rate, by_text: Mapping[str, tuple[str, Rate]]) -> 
 
 
 def _counts(rows: Sequence[Row]) -> dict[str, int]:
-    """How often worlds ended how: by verdict, and for what reason where one was stopped."""
+    """How often worlds ended how."""
     found: dict[str, int] = {}
     for row in rows:
-        how = str(row["verdict"])
-        if how in ("stopped", "failed"):
-            how += f": {row['reason']}"
+        how = end_of(row)
         found[how] = found.get(how, 0) + 1
     return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
 

@@ -10,6 +10,7 @@ from taskspec.program.execution.transition import Transition
 from taskspec.program.program import Program
 from taskspec.program.worlds import World, true_world
 from taskspec.robot.description import listening
+from taskspec_runner import exit_codes
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.fixed_step import DONE, PYTHON, Outcome
 from taskspec_runner.loop.fixed_step import run as simulate
@@ -20,7 +21,7 @@ from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.run_finding import RunFinding
-from taskspec_runner.verdict.summary import EXIT_GOOD, exit_code
+from taskspec_runner.verdict.summary import exit_code
 
 #: Status of a trial that its bound on ticks ended.
 OPEN = "open"
@@ -79,7 +80,7 @@ class Trial:
     @property
     def good(self) -> bool:
         """Whether it came to `end` with all expectations met and nothing found."""
-        return self.exit_code == EXIT_GOOD
+        return self.exit_code == exit_codes.WELL
 
     @property
     def limit(self) -> str:

@@ -22,6 +22,7 @@ from taskspec.robot import RobotModel
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.spec import Limits
 from taskspec.text.units import LENGTH, VELOCITY, show
+from taskspec_runner import exit_codes
 from taskspec_runner.loop.fixed_step import DONE, Outcome
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.fault_time import FaultTime
@@ -34,7 +35,6 @@ from taskspec_runner.verdict.protected import protected
 from taskspec_runner.verdict.run_finding import RunFinding
 from taskspec_runner.verdict.torque_steps import largest_step
 
-EXIT_GOOD, EXIT_MISSED, EXIT_STOPPED, EXIT_UNDECIDED = 0, 1, 4, 5
 _JOINT = re.compile(r"\bjoint (\d+) ")
 _OF_TRAVEL, _ATTEMPTS = " of travel", "; stage "
 
@@ -50,19 +50,17 @@ def exit_code(
     by_signal: int = 0,
     found: Sequence[RunFinding] = (),
 ) -> int:
-    """0 well; 1 missed or ended in `fail`; 4 safety stop; 128 + n by signal n.
-
-    5 if nothing was missed, and an expectation needs what was not recorded.
-    """
+    """The exit code of a run; 128 + n where signal n has broken it off."""
     if by_signal:
         return BY_SIGNAL + by_signal
     if outcome.status == "stopped":
-        return EXIT_STOPPED
-    good = outcome.status == DONE and not any(j.missed for j in judged)
-    good = good and all(each.allowed for each in found)
-    if not good:
-        return EXIT_MISSED
-    return EXIT_UNDECIDED if any(j.passed is None for j in judged) else EXIT_GOOD
+        return exit_codes.STOPPED
+    if outcome.status != DONE:
+        return exit_codes.FAILED
+    if any(j.missed for j in judged) or not all(each.allowed for each in found):
+        return exit_codes.MISSED
+    undecided = any(j.passed is None for j in judged)
+    return exit_codes.UNDECIDED if undecided else exit_codes.WELL
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,14 +12,13 @@ from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.guard import keep_trace
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.testing.outcome import (
-    BROKEN,
-    UNREADABLE,
     FileOutcome,
     outcome_of,
     refused,
     refused_by,
 )
 from taskspec_runner.errors import InputError, OutputError, RunCrashedError
+from taskspec_runner.exit_codes import INTERNAL, WRONG
 from taskspec_runner.record.folder import clear
 
 
@@ -53,13 +52,13 @@ def try_file(path: Path, manner: Manner) -> FileOutcome:
     except SpecError as error:
         found = refused_by(path, error)
     except (InputError, OutputError) as error:
-        found = refused(path, str(error), UNREADABLE)
+        found = refused(path, str(error), WRONG)
     except RunCrashedError as error:
         text = f"internal error: {error}; what was logged is in {error.folder}"
-        found = refused(path, f"{text}; please report this with {error.trace}", BROKEN)
+        found = refused(path, f"{text}; please report this with {error.trace}", INTERNAL)
     except Exception as error:
         reason = f"internal error: {type(error).__name__}: {error}"
-        found = refused(path, f"{reason}; please report this with {keep_trace(error)}", BROKEN)
+        found = refused(path, f"{reason}; please report this with {keep_trace(error)}", INTERNAL)
     return found
 
 

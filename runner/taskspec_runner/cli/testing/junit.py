@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 from taskspec.text.render import visible
 from taskspec_runner.cli.reporters.junit import case, document, one_line, suite
-from taskspec_runner.cli.testing.outcome import ENDS_WELL, WRONG, CaseOutcome, FileOutcome
+from taskspec_runner.cli.testing.outcome import ENDS_WELL, CaseOutcome, FileOutcome
 
 
 def report(outcomes: Sequence[FileOutcome]) -> str:
@@ -29,7 +29,7 @@ def _case(own: ET.Element, of: FileOutcome, found: CaseOutcome, seconds: float) 
         ET.SubElement(made, "skipped", message=message)
     elif not found.passed:
         # What no run comes of is an error; what a run misses is a failure.
-        broken = found.name == ENDS_WELL and of.code > WRONG and bool(of.problem)
+        broken = found.name == ENDS_WELL and bool(of.problem) and not of.diagnostics
         kind = "stopped" if found.name == ENDS_WELL else "missed"
         if broken:
             failure = ET.SubElement(made, "error", message=message)

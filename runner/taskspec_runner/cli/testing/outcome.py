@@ -12,12 +12,11 @@ from taskspec.spec.expectation import titled
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 from taskspec.text.render import render
 from taskspec_runner.cli.diagnostics import record
+from taskspec_runner.exit_codes import WELL, WRONG
 from taskspec_runner.runs import Run
 
 #: The case of the run itself; no name of an expectation has a space.
 ENDS_WELL = "ends well"
-#: Exit codes of a file; those of `taskspec run` beside them.
-WELL, WRONG, UNREADABLE, BROKEN = 0, 1, 2, 3
 
 
 @dataclass(frozen=True, slots=True)

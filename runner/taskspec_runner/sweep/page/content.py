@@ -36,7 +36,14 @@ from taskspec_runner.sweep.page.columns import PEAKS, WorldColumn, columns, worl
 from taskspec_runner.sweep.page.commands import command_stem, kept_reports
 from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.statistics import Influence, parameters
-from taskspec_runner.sweep.summary import MET, MISSED, interval_text, rate_text, worst_world
+from taskspec_runner.sweep.summary import (
+    MET,
+    MISSED,
+    interval_text,
+    rate_text,
+    so_far_text,
+    worst_worlds,
+)
 from taskspec_runner.sweep.world_run import Row
 
 Json = Mapping[str, Any]
@@ -136,16 +143,21 @@ def _verdicts(result: SweepResult) -> Iterator[Markup]:
 
 
 def _ends(result: SweepResult) -> Markup:
-    """How many worlds came to which end, and the worst of them."""
-    worst = worst_world(result.rows)
-    found: list[tuple[str, object]] = [(k, str(v)) for k, v in result.summary["ends"].items()]
-    if worst is not None:
-        values = (
-            f"{name} = {scaled(value, component_dimension(result.task, name), 3)}"
-            for name, value in worst.items()
-            if name.startswith(("world.", "robot.")) and value is not None
-        )
-        found.append(("least margin", _margin(worst["margin"], worst["world"], ", ".join(values))))
+    """How many worlds came to which end, and the worst of each."""
+    worst = worst_worlds(result.rows)
+    found: list[tuple[str, object]] = []
+    for end, count in result.summary["ends"].items():
+        found.append((end, str(count)))
+        if end in worst:
+            row = worst[end]
+            values = ", ".join(
+                f"{name} = {scaled(value, component_dimension(result.task, name), 3)}"
+                for name, value in row.items()
+                if name.startswith(("world.", "robot.")) and value is not None
+            )
+            margin, world = row.get("margin"), row["world"]
+            known = _world(world, values) if margin is None else _margin(margin, world, values)
+            found.append((f"worst of {end}", known))
     return pairs(found, "facts")
 
 
@@ -163,7 +175,10 @@ def _expectations(result: SweepResult) -> Markup:
         share = each["share"] if each["of"] else None
         cells = [
             name + expression(each["text"]),
-            f"{DASH if share is None else f'{100 * share:.4g}'} %",
+            joined(
+                prose(f"{DASH if share is None else f'{100 * share:.4g}'} %"),
+                element("small", so_far_text(each), class_="which") if each["so_far"] else "",
+            ),
             _span(each["interval"], share),
             *([interval_text(each)] if sampled else []),
             DASH if worst is None else _margin(worst[key], worst["world"]),
