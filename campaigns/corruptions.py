@@ -67,8 +67,9 @@ class Subject:
 
 #: Seconds after which a command hangs.
 PATIENCE = 60
-#: What a reader may answer: all is well, the run is damaged or missed, it cannot be read.
-ANSWERS = (0, 1, 2)
+#: What a reader may answer: all is well, the run is damaged or missed, it cannot be read, it failed
+#: where what is left of its log ends.
+ANSWERS = (0, 1, 2, 6)
 
 
 class HangError(BaseException):

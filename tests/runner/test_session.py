@@ -164,6 +164,13 @@ def test_disk_that_is_full(tap: Path, tmp_path: Path, monkeypatch: pytest.Monkey
     assert manifest(tmp_path / "run")["status"] == "crashed"
 
 
+@pytest.fixture
+def by_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python's loop, which looks up every few ticks; the native one runs a short task whole."""
+    monkeypatch.setenv("TASKSPEC_LOOP", "python")
+
+
+@pytest.mark.usefixtures("by_python")
 def test_crash_keeps_the_log_and_its_trace(tap: Path, tmp_path: Path) -> None:
     loaded = load_task(tap)
 
@@ -180,6 +187,7 @@ def test_crash_keeps_the_log_and_its_trace(tap: Path, tmp_path: Path) -> None:
     assert len(read_log(tmp_path / "run" / "log.arrow")) == pytest.approx(220, abs=21)
 
 
+@pytest.mark.usefixtures("by_python")
 def test_interrupt_ends_between_two_ticks(tap: Path, tmp_path: Path) -> None:
     seen: list[Glimpse] = []
 
@@ -201,6 +209,7 @@ def test_interrupt_ends_between_two_ticks(tap: Path, tmp_path: Path) -> None:
     assert last["ended_by"]["name"] == "interrupted"
 
 
+@pytest.mark.usefixtures("by_python")
 def test_glimpse_shows_the_first_force_axis(tap: Path, tmp_path: Path) -> None:
     seen: list[Glimpse] = []
     execute(load_task(tap), tmp_path / "run", progress=lambda look: seen.append(look()))

@@ -207,6 +207,8 @@ def test_reference_that_is_no_number_leaves_an_arm_to_be_stopped(tmp_path: Path)
 
 
 def test_nothing_follows_what_has_diverged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # The native loop has an alarm of its own.
+    monkeypatch.setenv("TASKSPEC_LOOP", "python")
     monkeypatch.setattr(Plant, "alarm", lambda _: ("energy_bound", "the arm holds 12 kJ"))
     lost = run(TAP, tmp_path / "run")
     assert lost.summary["ending"]["reason"] == "energy_bound"
