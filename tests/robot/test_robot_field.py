@@ -1,4 +1,4 @@
-"""Robots that people bring, restated from public threads: what a file of them gets."""
+"""Robots that people bring, restated from public threads: what a file of them gets.
 
 Each is the arm of six joints with the one thing that the thread is about, on a bench that a press
 starts 50 mm above.
