@@ -63,17 +63,14 @@ class MountedTool:
         parts: Its solids.
         geometry: What it touches with.
         inertia: In the tip frame.
+        mass: [kg]; that of `inertia`, a sum of shares, may be off by its last digit.
     """
 
     length: float
     parts: tuple[Part, ...]
     geometry: ToolGeometry
     inertia: pin.Inertia
-
-    @property
-    def mass(self) -> float:
-        """[kg]."""
-        return float(self.inertia.mass)
+    mass: float
 
 
 def make_tool(tool: ToolLike, planar: bool) -> MountedTool:
@@ -118,7 +115,7 @@ def make_tool(tool: ToolLike, planar: bool) -> MountedTool:
         thick = min(_STEM, 0.6 * end.half_width)
         rod = Cylinder(np.zeros(3), np.eye(3), thick, stem)
         parts = (Part(rod, stem / 2 - length, _STEEL), head)
-    return MountedTool(length, parts, geometry, _weighed(tool, length, parts))
+    return MountedTool(length, parts, geometry, _weighed(tool, length, parts), tool.mass)
 
 
 def _weighed(tool: ToolLike, length: float, parts: Sequence[Part]) -> pin.Inertia:
