@@ -23,14 +23,17 @@ from rosbags.typesys import Stores, get_typestore
 
 from taskspec.compiler import compile_unchecked
 from taskspec.geometry import rotation
-from taskspec.spec import load_task
+from taskspec.spec import load_task, load_text
 from taskspec_runner import read
 from taskspec_runner.exit_codes import FAILED, MISSED
 from taskspec_runner.export.messages import definition
 from taskspec_runner.record.history import History
-from taskspec_runner.recorded.column_map import read_columns, ready_maps
+from taskspec_runner.recorded.assignment import Assigned
+from taskspec_runner.recorded.column_map import WrenchAxes, read_columns, ready_maps
 from taskspec_runner.recorded.recording import read_recording
+from taskspec_runner.recorded.stamps import Stamps
 from taskspec_runner.recorded.units import column_unit
+from taskspec_runner.recorded.wrench import WrenchTurn
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
 from taskspec_runner.verdict.replay import Replay
@@ -274,7 +277,7 @@ def test_rows_out_of_order_are_named_by_line_and_relative_times(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("header", "columns", "told"),
+    ("header", "columns", "message"),
     [
         ("time,fz,fz", "", "it has more than one column 'fz'"),
         ("time,fz,x", "repeated: some\n", "'some'"),
@@ -295,17 +298,17 @@ def test_rows_out_of_order_are_named_by_line_and_relative_times(tmp_path: Path) 
     ],
 )
 def test_what_is_wrong_is_said_with_its_remedy(
-    tmp_path: Path, header: str, columns: str, told: str | None
+    tmp_path: Path, header: str, columns: str, message: str | None
 ) -> None:
     lines(tmp_path / "log.csv", header, texts(T, 3), texts(reaction()), ["0"] * N)
     whole = columns if "signals" in columns or "include" in columns else columns + FORCE
     whole += "" if "include: ati" in columns else TIME
     result = judged(tmp_path, whole + STAGES)
-    if told is None:
+    if message is None:
         assert result.exit_code == 0, result.output
         return
     assert result.exit_code == 2, result.output
-    assert told in " ".join(result.stderr.split())
+    assert message in " ".join(result.stderr.split())
 
 
 def test_repeated_stamps_ask_for_a_choice(tmp_path: Path) -> None:
@@ -685,11 +688,11 @@ def test_own_run_as_ros2_bag_would_have_recorded_it(
     by_header = "include: ros2\ntime: header.stamp\nstage: /stage.data\n"
     if write is not with_json:
         (tmp_path / "map.yaml").write_text(by_header)
-        told = call("judge", wipe.folder.parent / "press.yaml", log,
+        result = call("judge", wipe.folder.parent / "press.yaml", log,
                     "--columns", tmp_path / "map.yaml", "--out", tmp_path / "o")  # fmt: skip
         # The messages that name stages have no header.
-        assert told.exit_code == 2
-        assert "have no stamp of that name" in told.stderr
+        assert result.exit_code == 2
+        assert "have no stamp of that name" in result.stderr
 
 
 def test_messages_by_the_stamps_in_their_headers(
@@ -822,3 +825,23 @@ def test_wrench_in_axes_of_the_base_in_frames_that_move_or_are_measured(
         key = f"{each}.measured"
         np.testing.assert_allclose(again.columns[key], run.history.columns[key], atol=1e-9)
         np.testing.assert_array_equal(again.columns[each], again.columns[key])
+
+
+@pytest.mark.parametrize(
+    ("robot", "length"),
+    [
+        ("{model: planar3, start: {joints: [20 deg, 40 deg, 30 deg]}}", 0.0),
+        ("{model: panda, start: {xyz: [500 mm, 0, 400 mm]}}", 0.1),
+        ("{model: panda, tool: {length: 150 mm}, start: {xyz: [500 mm, 0, 400 mm]}}", 0.15),
+    ],
+)
+def test_moments_of_a_sensor_move_by_the_length_of_the_tool(robot: str, length: float) -> None:
+    """Also by that which the file leaves out: the tool of a planar arm ends where its link does."""
+    text = f"taskspec: 1\nrobot: {robot}\nstages: {{rest: {{axes: {{x: hold}}, time: 1 s}}}}\n"
+    program = compile_unchecked(load_text(text, "task.yaml"))
+    stamps = Stamps(np.array([0.0, 1.0]), str, "log")
+    names = ["force.x", "force.y", "force.z", "torque.rx", "torque.ry", "torque.rz"]
+    axes = WrenchAxes(of="flange")
+    signals = [Assigned(name, name, "", 1, 1.0, axes, 0.0, stamps, np.zeros(2)) for name in names]
+    turn = WrenchTurn(program, signals, names, lambda _: None)
+    assert [turn._lever(group).tolist() for group in turn._groups] == [[0, 0, 0], [0, 0, length]]

@@ -16,11 +16,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.geometry import rotation
-from taskspec.geometry.axis import AXES
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.frames import FrameModel
-from taskspec.robot.tool import LENGTH
+from taskspec.robot.tool import make_tool
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.file_array import blocks, full
 from taskspec_runner.record.history import History, NotRecordedError, RecordedColumns
@@ -233,15 +232,14 @@ class WrenchTurn:
             InputError: it lies neither there nor where they have it.
         """
         robot, base = self._program.context.robot, self._program.context.loaded.task.robot.base
-        names = [f"joint.{i + 1}.position" for i in range(robot.pin.nv)]
+        names = [f"joint.{i + 1}.position" for i in range(robot.n)]
         if any(n not in recorded or len(recorded[n].values) != len(tip[0]) for n in names):
             return False
         rows = np.unique(np.linspace(0, len(tip[0]) - 1, _COMPARED).astype(int))
         q = np.array([recorded[n].si(np.array(recorded[n].values[rows])) for n in names]).T
-        data, along = robot.pin.createData(), 0.0
+        twin, along = robot.twin(), 0.0
         for row, joints in zip(rows, q, strict=True):
-            pin.forwardKinematics(robot.pin, data, joints)
-            world = (data.oMi[robot.tip_joint] * robot.tip).translation - np.array(base.xyz)
+            world = twin.tip(joints).translation - np.array(base.xyz)
             own = (rotation.from_rpy(base.rpy).T @ world)[:2]
             there = np.array([tip[0][row], tip[1][row]])
             along += float(own @ there) / max(
@@ -303,7 +301,7 @@ class WrenchTurn:
         if lever.any() and group.forces is not None:
             vector = vector - np.cross(lever, group.forces.vector(values, rows))
             missing_forces = ~np.array(group.forces.present)
-            absent = absent | (np.abs(_skew(lever)) > _ROUNDING) @ missing_forces
+            absent = absent | (np.abs(pin.skew(lever)) > _ROUNDING) @ missing_forces
         turned = np.einsum("ij,kj->ki" if turn.ndim == 2 else "kij,kj->ki", turn, vector)
         needs = np.any(turn.reshape(-1, 3, 3), axis=0)
         found = {}
@@ -324,15 +322,7 @@ class WrenchTurn:
         own = group.frame
         if own is None or group.forces is None or own.of not in ("flange", "sensor"):
             return np.zeros(3)
-        robot = self._program.context.loaded.task.robot
-        planar = AXES[1] not in self._program.context.robot.axes
-        length = robot.tool.length
-        if length is None:
-            length = 0.0 if planar else LENGTH
-        tip = np.array([0.0, 0.0, length])
+        context = self._program.context
+        tool = make_tool(context.loaded.task.robot.tool, "z" not in context.robot.axes)
+        tip = np.array([0.0, 0.0, tool.length])
         return np.asarray(rotation.from_rpy(own.rpy).T @ (tip - np.array(own.xyz)))
-
-
-def _skew(r: Vector) -> Vector:
-    """(3, 3) of the product r x."""
-    return np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
