@@ -14,6 +14,7 @@ import numpy as np
 from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.errors import RobotError
+from taskspec.robot.poses import symmetric
 from taskspec.robot.types import FileRemark
 
 if TYPE_CHECKING:
@@ -102,10 +103,8 @@ def make_physical(spec: mujoco.MjSpec) -> tuple[list[Unphysical], list[str]]:
 
 def _tensor(body: mujoco.MjsBody) -> Array:
     """(3, 3) inertia about the centre of mass, in the frame that the specification has for it."""
-    xx, yy, zz, xy, xz, yz = (float(each) for each in body.fullinertia)
-    if np.isnan(xx):
-        return np.diag(np.array(body.inertia, dtype=float))
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    whole = body.fullinertia.tolist()
+    return symmetric(body.inertia.tolist() if np.isnan(whole[0]) else whole)
 
 
 def _give(body: mujoco.MjsBody, tensor: Array) -> None:

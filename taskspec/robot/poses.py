@@ -42,6 +42,19 @@ def _below(n: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     return np.tril_indices(n, -1)
 
 
+def symmetric(entries: Sequence[float]) -> Array:
+    """(3, 3) of [xx, yy, zz], or of [xx, yy, zz, xy, xz, yz]."""
+    xx, yy, zz, xy, xz, yz = (*entries, 0.0, 0.0, 0.0)[:6]
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def principal_axes(inertia: Array) -> tuple[Array, Array]:
+    """Principal moments (3,) of an inertia (3, 3), ascending; their axes (3, 3), right-handed."""
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 0] *= np.linalg.det(axes)
+    return moments, axes
+
+
 def quaternion(rotation: Array) -> Array:
     """The quaternion (4,), scalar first, of a rotation matrix (3, 3)."""
     x, y, z, w = pin.Quaternion(rotation).coeffs()

@@ -12,7 +12,7 @@ from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.errors import RobotError
 from taskspec.robot.geoms import add_geom
-from taskspec.robot.poses import quaternion
+from taskspec.robot.poses import principal_axes, quaternion, symmetric
 from taskspec.robot.types import ToolGeometry, ToolLike
 from taskspec.shapes import BoundedSurface, Cylinder, tool_shapes
 from taskspec.text.codes import register
@@ -141,21 +141,6 @@ def _weighed(tool: ToolLike, length: float, parts: Sequence[Part]) -> pin.Inerti
     return pin.Inertia(tool.mass, center, moments)
 
 
-def symmetric(inertia: Sequence[float]) -> Array:
-    """(3, 3) of [xx, yy, zz] or [xx, yy, zz, xy, xz, yz]."""
-    xx, yy, zz, xy, xz, yz = (*inertia, 0.0, 0.0, 0.0)[:6]
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def principal_axes(inertia: Array) -> tuple[Array, Array]:
-    """Principal moments (3,) of an inertia (3, 3), and their axes (3, 3), right-handed."""
-    if not np.any(inertia - np.diag(np.diag(inertia))):
-        return np.diag(inertia).copy(), np.eye(3)
-    moments, axes = np.linalg.eigh(inertia)
-    axes[:, 0] *= np.linalg.det(axes)
-    return moments, axes
-
-
 def attach(
     carrier: mujoco.MjsBody, flange: pin.SE3, tool: MountedTool, taken: set[str]
 ) -> tuple[str, tuple[str, ...]]:
@@ -177,7 +162,9 @@ def attach(
     body.explicitinertial = True
     body.mass = tool.mass
     body.ipos = inertia.lever if tool.mass else np.zeros(3)
-    moments, axes = principal_axes(inertia.inertia)
+    moments, axes = np.diag(inertia.inertia), np.eye(3)
+    if np.any(inertia.inertia - np.diag(moments)):
+        moments, axes = principal_axes(inertia.inertia)
     body.iquat = quaternion(axes)
     body.inertia = moments if tool.mass else np.zeros(3)
     for part in tool.parts:
