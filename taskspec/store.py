@@ -122,7 +122,7 @@ class Store:
         return folder / hashlib.sha256(key.encode()).hexdigest()
 
     def _shrink(self, folder: Path) -> None:
-        """Removes what was not used for longest, until there is room below the limit."""
+        """Removes what was not used for longest, if they are more than the limit."""
         entries = []
         for entry in os.scandir(folder):
             # Another process may remove a file first.
@@ -131,8 +131,9 @@ class Store:
                     facts = entry.stat(follow_symlinks=False)
                     entries.append((facts.st_mtime_ns, facts.st_size, entry.path))
         size = sum(entry[1] for entry in entries)
+        left = self._limit if size <= self._limit else SHRUNK * self._limit
         for _, length, path in sorted(entries):
-            if size <= SHRUNK * self._limit:
+            if size <= left:
                 break
             with suppress(OSError):
                 Path(path).unlink()

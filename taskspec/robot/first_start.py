@@ -155,8 +155,8 @@ def _around(
         worst = min(worst, _spare(robot, there))
     if worst <= 0:
         return None
-    J = robot.twin().resolved_jacobian(q)
-    gravity = robot.twin().gravity(q)
+    twin = robot.twin()
+    J, gravity = twin.resolved_jacobian(q), twin.gravity(q)
     left = 0.5 * (robot.torque_limit - np.abs(gravity))
     force = float(np.min(left / np.maximum(np.abs(J[2]), 1e-9)))
     return FirstStart(q, at.translation, stroke, force)

@@ -192,8 +192,8 @@ def _add_torques(
     context: Context, q: Vector, whole: Vector, share: float, system: RowSystem
 ) -> None:
     robot = context.robot
-    gravity = robot.twin().gravity(q)
-    J = robot.twin().resolved_jacobian(q)
+    twin = robot.twin()
+    gravity, J = twin.gravity(q), twin.resolved_jacobian(q)
     for i, most in enumerate(robot.torque_limit):
         if not np.isfinite(most):
             continue

@@ -95,20 +95,20 @@ def test_what_is_found(tmp_path: Path, name: str) -> None:
     model = written(tmp_path, file, old, new)
     flange = "" if file == "six.xml" else "flange: tool0, "
     text = PRESS.format(model=model, keys=flange + keys, start=350, bench=300)
-    told = found(tmp_path, text)
-    assert set(told) == set(expected)
+    reported = found(tmp_path, text)
+    assert set(reported) == set(expected)
     for code, message in expected.items():
-        assert message in told[code]
+        assert message in reported[code]
 
 
 def test_r08_and_r15_are_the_same_arm_where_they_reach(tmp_path: Path) -> None:
-    """Of 250 mm more both are told of a joint near its limit, and of nothing else."""
+    """Of 250 mm more both get a warning of a joint near its limit, and of nothing else."""
     for case in ("r08, a joint that mimics", "r15, an equality of joints"):
         file, old, new, *_ = CASES[case]
         keys = "" if file == "six.xml" else "flange: tool0, "
         model = written(tmp_path, file, old, new)
-        told = found(tmp_path, PRESS.format(model=model, keys=keys, start=600, bench=550))
-        assert set(told) == {"TS417"}
+        reported = found(tmp_path, PRESS.format(model=model, keys=keys, start=600, bench=550))
+        assert set(reported) == {"TS417"}
 
 
 def test_r22_a_package_that_is_its_own(tmp_path: Path) -> None:

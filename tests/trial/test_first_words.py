@@ -25,7 +25,7 @@ FOLDER = Path(__file__).parent.parent / "corpus" / "first"
 
 @dataclass(frozen=True)
 class Edit:
-    """A change that a message asks for.
+    """A change that a message proposes.
 
     Attributes:
         said: code of the message, then words of it and of its hint.
@@ -44,7 +44,7 @@ class Written:
 
     Attributes:
         robot: model of it.
-        edits: that its first pass asks for.
+        edits: that its first pass proposes.
         later: edits that only show when those are done.
     """
 
@@ -213,14 +213,14 @@ def test_most_are_right_at_once_or_after_one_edit():
 
 @pytest.mark.parametrize("name", WORDS)
 def test_one_pass_says_every_edit(name: str):
-    """Each edit is asked for, and nothing else is an error."""
+    """Each edit is proposed, and nothing else is an error."""
     found = found_in(FOLDER / f"{name}.yaml")
-    asked = WORDS[name].edits
-    for edit in asked:
+    proposed = WORDS[name].edits
+    for edit in proposed:
         code, words = edit.said
         assert any(d.code == code and words in f"{d.message}; {d.hint}" for d in found), edit
     errors = [d for d in found if d.severity is Severity.ERROR]
-    assert len(errors) == sum(edit.said[0] != "TS611" for edit in asked)
+    assert len(errors) == sum(edit.said[0] != "TS611" for edit in proposed)
 
 
 @pytest.mark.parametrize("name", WORDS)

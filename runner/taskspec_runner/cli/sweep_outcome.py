@@ -8,8 +8,7 @@ from typing import Any
 import typer
 from rich.text import Text
 
-from taskspec.program.worlds import component_dimension
-from taskspec.text.units import number, scaled
+from taskspec.text.units import number
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.record.names import TABLE
 from taskspec_runner.sweep.folder import PAGE
@@ -17,6 +16,7 @@ from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.summary import (
     MET,
     UNDECIDED,
+    drawn_text,
     interval_text,
     rate_text,
     so_far_text,
@@ -90,17 +90,12 @@ def _depends(result: SweepResult) -> Iterator[str]:
         yield each["text"]
     for worst in summary["worst"]:
         row = result.rows[worst["world"]]
-        values = [
-            f"{name} = {scaled(value, component_dimension(task, name), 3)}"
-            for name, value in row.items()
-            if name.startswith(("world.", "robot.")) and value is not None
-        ]
         known = worst["margin"] is not None
         margin = f", margin {number(100 * worst['margin'], 3)} %" if known else ""
         so_far = " so far" if known and row["status"] != "done" else ""
         which = f"({summary['ends'][worst['end']]} {worst['end']})"
         world = f"world {worst['world']}{margin}{so_far}"
-        yield f"worst {which}: {world}: {', '.join(values)}"
+        yield f"worst {which}: {world}: {drawn_text(task, row)}"
 
 
 def _worlds(numbers: Sequence[int]) -> str:

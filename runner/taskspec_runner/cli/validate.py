@@ -275,17 +275,17 @@ def _checked(loaded: LoadedTask, how: ValidateOptions) -> tuple[Examination, str
     if how.static:
         # Rules need no simulator where the robot is known.
         examined = examine(loaded)
-        return (_with_worlds(examined, how) if how.worlds else examined), ""
-    try:
-        from taskspec_runner.trial.check import check
-    except ImportError as error:
-        if (error.name or "").partition(".")[0] != _SIMULATOR:
-            raise
-        return examine(loaded), (
-            f"{_SIMULATOR} cannot be imported ({error}), so nothing was tried: what a run comes to "
-            "was not checked"
-        )
-    examined = check(loaded)
+    else:
+        try:
+            from taskspec_runner.trial.check import check
+        except ImportError as error:
+            if (error.name or "").partition(".")[0] != _SIMULATOR:
+                raise
+            return examine(loaded), (
+                f"{_SIMULATOR} cannot be imported ({error}), so nothing was tried: what a run "
+                "comes to was not checked"
+            )
+        examined = check(loaded)
     return (_with_worlds(examined, how) if how.worlds else examined), ""
 
 

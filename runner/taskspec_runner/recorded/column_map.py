@@ -29,6 +29,7 @@ from taskspec.text.units import FREQUENCY, NUMBER, TIME, split_quantity, to_si
 from taskspec.text.yaml import MAX_BYTES, read
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.whole import open_regular
+from taskspec_runner.recorded.stamps import FIRST, LAST, MEAN
 from taskspec_runner.recorded.units import column_unit
 
 SCHEMA_FILE = "taskspec-columns-1.schema.json"
@@ -43,7 +44,7 @@ _ELSEWHERE_IN_THE_MAP = {
 #: What stands before the name of a line above the columns, which has a unit or a factor.
 LINE, PER_LINE = "line ", "1/line "
 #: How several samples with the same stamp become one.
-REPEATED = ("last", "first", "mean")
+REPEATED = (LAST, FIRST, MEAN)
 
 
 @dataclass(frozen=True)

@@ -293,7 +293,6 @@ def read_mcap(path: Path) -> MessageLog:
         MissingLibraryError: the libraries mcap and rosbags are not installed.
         InputError: it is no such file, cut short, or without a message that can be read.
     """
-    library("mcap.reader", "MCAP", "mcap")
     topics: dict[str, tuple[Any, Any, _Topic]] = {}
     kept, others = KeptArrays(), set[str]()
     for schema, channel, message in _messages(path):

@@ -105,6 +105,15 @@ def so_far_text(rate: Mapping[str, Any]) -> str:
     return f"{rate['so_far']} of them as far as they got" if rate["so_far"] else ""
 
 
+def drawn_text(task: Task, row: Row) -> str:
+    """What a world is, such as `world.table.stiffness = 12 kN/m, robot.tool.mass = 1 kg`."""
+    return ", ".join(
+        f"{name} = {scaled(value, component_dimension(task, name), 3)}"
+        for name, value in row.items()
+        if name.startswith(("world.", "robot.")) and value is not None
+    )
+
+
 def interval_text(rate: Mapping[str, Any]) -> str:
     """Such as `97.8 to 99.2 %`; empty of worlds that were chosen."""
     if rate["interval"] is None:

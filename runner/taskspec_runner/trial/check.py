@@ -22,7 +22,7 @@ from taskspec_runner.trial.trial import OPEN, trials_past_limits
 TRIAL_TICKS = 120_000
 
 
-def check(loaded: LoadedTask, *, static: bool = False) -> Examination:
+def check(loaded: LoadedTask) -> Examination:
     """The examination of a task with what its trial comes to.
 
     Errors refuse a task, and of one that is refused there is no trial. What a rule only predicts of
@@ -30,10 +30,9 @@ def check(loaded: LoadedTask, *, static: bool = False) -> Examination:
 
     Args:
         loaded: the task.
-        static: whether to leave the trial out.
     """
     examined = examine(loaded)
-    if static or examined.plan is None or refusals(examined.findings):
+    if examined.plan is None or refusals(examined.findings):
         return examined
     try:
         program = admit(examined)

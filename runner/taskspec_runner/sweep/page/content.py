@@ -39,6 +39,7 @@ from taskspec_runner.sweep.statistics import Influence, parameters
 from taskspec_runner.sweep.summary import (
     MET,
     MISSED,
+    drawn_text,
     interval_text,
     rate_text,
     so_far_text,
@@ -150,11 +151,7 @@ def _ends(result: SweepResult) -> Markup:
         found.append((end, str(count)))
         if end in worst:
             row = worst[end]
-            values = ", ".join(
-                f"{name} = {scaled(value, component_dimension(result.task, name), 3)}"
-                for name, value in row.items()
-                if name.startswith(("world.", "robot.")) and value is not None
-            )
+            values = drawn_text(result.task, row)
             margin, world = row.get("margin"), row["world"]
             known = _world(world, values) if margin is None else _margin(margin, world, values)
             found.append((f"worst of {end}", known))
