@@ -129,8 +129,8 @@ def force_loop(law: DesignedLaw, axis: AxisDesign, damping: Gain | None = None) 
 def _integral(plant: AxisPlant, damping: float) -> Gain:
     """The slowest of what rules allow the integral of a force loop.
 
-    A force axis between walls has the loop m s^3 + d s^2 + k s + i k, stable below i = d / m. One of
-    a held mechanism moves the arm with all other directions held by the grip: with k and d_e of the
+    A force axis between walls has the loop m s^3 + d s^2 + k s + i k, stable below i = d / m. One
+    of a held mechanism moves the arm with all others held by the grip: with k and d_e of the
     grip and this Lambda_ii its loop is Lambda_ii s^3 + (d + d_e) s^2 + k s + i k, stable below
     i = (d + d_e) / Lambda_ii. A quarter of either is taken.
     """
