@@ -29,6 +29,11 @@ Vector = NDArray[np.float64]
 _UNIT = re.compile(r"\A(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*\Z")
 #: What parts the columns of a text, in the order of preference; the last is any white space.
 _SEPARATORS = ("\t", ";", ",", " ")
+#: The words of a column map for what stands before the decimals of a number.
+POINT, COMMA = "point", "comma"
+_WITH_COMMA = re.compile(r"\A[+-]?\d*,\d+(?:[eE][+-]?\d+)?\Z")
+#: A number whose comma may part thousands.
+_THOUSANDS = re.compile(r"\A[+-]?[1-9]\d{0,2},\d{3}\Z")
 #: Lines from which separator and header are found, and bytes that these may have.
 _FIRST_LINES, _LONGEST_HEADER = 200, 1 << 20
 #: Bytes of a CSV file that are read at a time; no line is longer.
@@ -101,6 +106,7 @@ class LogTable:
         batches: Batches,
         first: int,
         lines: Mapping[str, str],
+        decimal: str = POINT,
     ) -> None:
         """Takes a table.
 
@@ -111,7 +117,9 @@ class LogTable:
             batches: reads some of the columns.
             first: number of the first row for a reader; 2 where a header stands before it.
             lines: see `LogSource`.
+            decimal: what stands before the decimals of numbers that are texts.
         """
+        self._decimal = decimal
         self.path, self.form, self.units, self.lines = path, form, units, lines
         self._batches, self._first = batches, first
 
@@ -136,6 +144,8 @@ class LogTable:
 
     def _parsed(self, name: str, column: pa.Array, first: int) -> Vector:
         texts = pa.compute.utf8_trim_whitespace(column.fill_null(""))
+        if self._decimal == COMMA:
+            texts = pa.compute.replace_substring(texts, ",", ".")
         missing = pa.compute.is_in(texts, value_set=pa.array(["", "nan", "NaN", "NAN", "null"]))
         try:
             values = pa.compute.if_else(missing, None, texts).cast(pa.float64())
@@ -180,7 +190,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def read_csv(path: Path, header: int | None = None) -> LogTable:
+def read_csv(path: Path, header: int | None = None, decimal: str | None = None) -> LogTable:
     """A text of lines; columns may be parted by a comma, a semicolon, a tab or white space.
 
     A last line without an end may have been cut short and is left out.
@@ -189,9 +199,12 @@ def read_csv(path: Path, header: int | None = None) -> LogTable:
         path: of the file.
         header: line with the names of the columns, from 1 on; None for the first line that has as
             many cells as most lines, and no number.
+        decimal: what stands before the decimals of its numbers, `POINT` or `COMMA`; None to find
+            it.
 
     Raises:
-        InputError: it is no such text, has no header, or no row.
+        InputError: it is no such text, has no header, or no row, or a comma in its numbers may part
+            decimals or thousands.
     """
     try:
         with open_regular(path) as file:
@@ -219,10 +232,14 @@ def read_csv(path: Path, header: int | None = None) -> LogTable:
         raise InputError(f"cannot read {path}: it has a header and no sample")
     if end <= start:
         raise InputError(f"cannot read {path}: it holds no whole sample")
+    try:
+        decimal = decimal or _decimal(lines[at + 1 :], separator)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
     rows = _CsvRows(path, separator, len(names), start, end)
     above = (_cells(line, separator) for line in lines[:at])
     stated = {cells[0].rstrip(" :"): cells[1] for cells in above if len(cells) > 1}
-    return _table(path, "CSV", names, [""] * len(names), rows.batches, at + 2, stated)
+    return _table(path, "CSV", names, [""] * len(names), rows.batches, at + 2, stated, decimal)
 
 
 def _header(lines: Sequence[str], stated: int | None) -> tuple[int, str]:
@@ -247,6 +264,25 @@ def _header(lines: Sequence[str], stated: int | None) -> tuple[int, str]:
     at = first if stated is None else stated - 1
     text = lines[min(at, len(lines) - 1)]
     return at, max(_SEPARATORS[:3], key=text.count)
+
+
+def _decimal(lines: Sequence[str], separator: str) -> str:
+    """What stands before the decimals of the numbers of some lines.
+
+    Raises:
+        ValueError: a comma may part decimals or thousands.
+    """
+    cells = [cell for line in lines for cell in _cells(line, separator)]
+    commas = [cell for cell in cells if _WITH_COMMA.match(cell)]
+    if not commas or any("." in cell and _is_number(cell) for cell in cells):
+        return POINT
+    if all(map(_THOUSANDS.match, commas)):
+        whole = commas[0].replace(",", "")
+        raise ValueError(
+            f"'{commas[0]}' may be {commas[0].replace(',', '.')} or {whole}; say which in the "
+            "column map: decimal: comma, or decimal: point"
+        )
+    return COMMA
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -382,11 +418,12 @@ def _table(
     batches: Callable[[Sequence[int]], Iterator[pa.RecordBatch]],
     first: int,
     lines: Mapping[str, str],
+    decimal: str = POINT,
 ) -> LogTable:
     """A table whose columns are called without the units that stand behind their names.
 
     Args:
-        path, form, first, lines: see `LogTable`.
+        path, form, first, lines, decimal: see `LogTable`.
         names: of the columns, with or without units.
         units: that stand elsewhere.
         batches: reads some columns, by their numbers.
@@ -403,7 +440,7 @@ def _table(
         for batch in batches([bare.index(name) for name in wanted]):
             yield batch.rename_columns(list(wanted))
 
-    return LogTable(path, form, dict(zip(bare, stated, strict=True)), read, first, lines)
+    return LogTable(path, form, dict(zip(bare, stated, strict=True)), read, first, lines, decimal)
 
 
 def named(text: str) -> tuple[str, str]:
@@ -417,12 +454,13 @@ def named(text: str) -> tuple[str, str]:
     return match[1], match[2].strip()
 
 
-def open_source(path: Path, header: int | None = None) -> LogSource:
+def open_source(path: Path, header: int | None = None, decimal: str | None = None) -> LogSource:
     """A log, by what it begins with: Parquet, MCAP, else CSV.
 
     Args:
         path: of the file.
         header: line of a CSV file that names the columns; None to find it.
+        decimal: what stands before the decimals of its numbers; None to find it.
 
     Raises:
         InputError: it is none of them, or is empty or cut short.
@@ -440,4 +478,4 @@ def open_source(path: Path, header: int | None = None) -> LogSource:
         return read_mcap(path)
     if head.startswith(b"PAR1") or path.suffix == ".parquet":
         return read_parquet(path)
-    return read_csv(path, header)
+    return read_csv(path, header, decimal)
