@@ -54,9 +54,22 @@ class MessageLog:
     timed, form = True, "MCAP"
     lines: Mapping[str, str] = MappingProxyType({})
 
-    def __init__(self, path: Path, topics: Mapping[str, _Topic], units: Mapping[str, str]) -> None:
-        """Takes the topics of a file and the units of their fields, by topic and field."""
-        self.path, self.units, self._topics = path, units, topics
+    def __init__(
+        self,
+        path: Path,
+        topics: Mapping[str, _Topic],
+        units: Mapping[str, str],
+        columns: Mapping[str, str],
+    ) -> None:
+        """Takes the topics of a file.
+
+        Args:
+            path: of the file.
+            topics: by their names.
+            units: of their fields, by topic and field.
+            columns: see `LogSource`.
+        """
+        self.path, self.units, self.columns, self._topics = path, units, columns, topics
 
     def _field(self, name: str) -> tuple[_Topic, str]:
         topic = next(t for t in self._topics if name.startswith(f"{t}.") and name in self.units)
@@ -278,12 +291,12 @@ def _messages(path: Path) -> Iterator[tuple[Any, Any, Any]]:
         raise InputError(f"cannot read {path}: it is no whole MCAP file ({said})") from error
 
 
-def _stated(path: Path, channel: Any) -> Mapping[str, Any]:
-    """The units that a channel states."""
+def _stated(path: Path, channel: Any, what: str) -> Mapping[str, Any]:
+    """What a channel states of its fields: their units, or the columns that they were."""
     try:
-        return parse_json(channel.metadata.get("units", "{}").encode())
+        return parse_json(channel.metadata.get(what, "{}").encode())
     except (RecursionError, ValueError) as error:
-        raise InputError(f"cannot read {path}: units of {channel.topic} are no JSON") from error
+        raise InputError(f"cannot read {path}: {what} of {channel.topic} are no JSON") from error
 
 
 def read_mcap(path: Path) -> MessageLog:
@@ -314,16 +327,19 @@ def read_mcap(path: Path) -> MessageLog:
             f"cannot read {path}: it holds no message of ROS 2 (ros2msg, ros2idl) or JSON{hint}"
         )
     begin = min(own.first for _, _, own in topics.values())
-    units: dict[str, str] = {}
+    units, columns = dict[str, str](), dict[str, str]()
     for topic, (schema, channel, own) in topics.items():
         own.begin = begin
-        stated = _stated(path, channel)
+        stated = _stated(path, channel, "units")
         kind = schema.name.replace(".", "/").rpartition("/")[2] if schema is not None else ""
         known = _SI.get(kind, {})
         for name in own.fields:
             usual = (unit for begins, unit in known.items() if name.startswith(begins))
             units[f"{topic}.{name}"] = str(stated.get(name, "")) or next(usual, "")
-    return MessageLog(path, {topic: own for topic, (_, _, own) in topics.items()}, units)
+        for field, column in _stated(path, channel, "columns").items():
+            if f"{topic}.{field}" in units:
+                columns[str(column)] = f"{topic}.{field}"
+    return MessageLog(path, {topic: own for topic, (_, _, own) in topics.items()}, units, columns)
 
 
 def _decoder_of(path: Path, schema: Any, channel: Any) -> Decoder | None:

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, BinaryIO, Protocol
 
 import numpy as np
@@ -45,6 +46,7 @@ class LogSource(Protocol):
         form: of it, in a word.
         units: columns, and the unit that the file states of each; empty where it states none.
         lines: what a text says above its columns, by the word that each line begins with.
+        columns: columns of a run's log that the file says it has, and what they are called in it.
         timed: whether each column has times of its own, as messages have; a message holds until
             the next one.
     """
@@ -53,6 +55,7 @@ class LogSource(Protocol):
     form: str
     units: Mapping[str, str]
     lines: Mapping[str, str]
+    columns: Mapping[str, str]
     timed: bool
 
     def numbers(self, names: Sequence[str]) -> dict[str, Vector]:
@@ -92,6 +95,7 @@ class LogTable:
     """A CSV or Parquet file: one row a sample."""
 
     timed = False
+    columns: Mapping[str, str] = MappingProxyType({})
 
     def __init__(
         self,
