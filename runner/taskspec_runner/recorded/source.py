@@ -431,7 +431,8 @@ def open_source(path: Path, header: int | None = None) -> LogSource:
     Raises:
         InputError: it is none of them, or is empty or cut short.
     """
-    from taskspec_runner.recorded.messages import MAGIC, read_mcap
+    from taskspec_runner.export.chunks import MAGIC
+    from taskspec_runner.recorded.messages import read_mcap
 
     try:
         with open_regular(path) as file:
