@@ -63,7 +63,8 @@ def _leaves(value: Any, path: str, into: dict[str, Any]) -> None:
             _leaves(each, f"{path}[{i}]", into)
     else:
         for name, each in vars(value).items():
-            _leaves(each, f"{path}.{name}" if path else name, into)
+            if name != "__msgtype__":
+                _leaves(each, f"{path}.{name}" if path else name, into)
         for field in ("position", "effort") if hasattr(value, "name") else ():
             if len(getattr(value, field)) == len(value.name):
                 names = zip(value.name, getattr(value, field), strict=True)

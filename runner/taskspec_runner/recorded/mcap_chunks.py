@@ -34,10 +34,11 @@ class DamagedFileError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class ChannelMessages:
-    """Messages of a channel that stand in one chunk, in their order.
+    """Messages of one topic and definition that stand in one chunk, in their order.
 
     Attributes:
-        channel, schema: records of the library; no schema for a channel that has none.
+        channel, schema: records of the library, the first one's of several senders; no schema for
+            a channel that has none.
         content: bytes of the chunk.
         starts, ends: (n,) where the data of each message begin and end.
         times: (n,) when each was logged [ns].
@@ -80,7 +81,7 @@ class ChunkReader:
         self._schemas, self._channels = dict[int, Any](), dict[int, Any]()
 
     def __iter__(self) -> Iterator[ChannelMessages]:
-        """The messages of each channel in each chunk.
+        """The messages of each topic in each chunk.
 
         Raises:
             DamagedFileError: the file is cut short, or a checksum is another one.
@@ -152,27 +153,27 @@ class ChunkReader:
             self._channels.setdefault(channel.id, channel)
 
     def _messages(self, content: bytes, index: Sequence[bytes]) -> Iterator[ChannelMessages]:
-        starts = self._starts(content, index)
-        if not len(starts):
+        starts_of = self._starts(content, index)
+        if not len(starts_of):
             return
         lengths, channels, times = (
-            _field(content, starts + at, dtype)
+            _field(content, starts_of + at, dtype)
             for at, dtype in ((1, "<u8"), (9, "<u2"), (_TIME, "<i8"))
         )
-        ends = starts + _RECORD.size + lengths.astype(np.int64)
+        ends = starts_of + _RECORD.size + lengths.astype(np.int64)
+        same: dict[tuple[str, str, int], list[int]] = {}
         for number in dict.fromkeys(channels.tolist()):
-            rows = np.flatnonzero(channels == number)
             if number not in self._channels:
                 raise DamagedFileError(f"messages are of a channel {number}, which it has not")
             channel = self._channels[number]
-            yield ChannelMessages(
-                channel,
-                self._schemas.get(channel.schema_id),
-                content,
-                starts[rows] + _HEAD,
-                ends[rows],
-                times[rows].astype(np.int64),
-            )
+            key = channel.topic, channel.message_encoding, channel.schema_id
+            same.setdefault(key, []).append(number)
+        for numbers in same.values():
+            rows = np.flatnonzero(np.isin(channels, numbers))
+            channel = self._channels[numbers[0]]
+            schema = self._schemas.get(channel.schema_id)
+            starts = starts_of[rows] + _HEAD
+            yield ChannelMessages(channel, schema, content, starts, ends[rows], times[rows])
 
     def _starts(self, content: bytes, index: Sequence[bytes]) -> NDArray[np.int64]:
         """(n,) where the messages of a chunk begin.
