@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from taskspec_runner.errors import InputError
+from taskspec_runner.export.tables import SCHEMA_SUM, schema_sum
 from taskspec_runner.record.mapped import GrowingColumns
 from taskspec_runner.record.whole import open_regular
 from taskspec_runner.recorded.sample_texts import SampleTexts, SampleTextsBuilder
@@ -351,6 +352,12 @@ def read_parquet(path: Path) -> LogTable:
     """
     with _parquet(path) as file:
         schema, rows = file.schema_arrow, file.metadata.num_rows
+        stated = (file.metadata.metadata or {}).get(SCHEMA_SUM.encode())
+        if stated is not None and stated.decode("ascii", "replace") != schema_sum(schema):
+            raise InputError(
+                f"cannot read {path}: it is no whole Parquet file (the checksum of its schema is "
+                "another one)"
+            )
     units = [(f.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for f in schema]
     names = [field.name for field in schema]
 
@@ -371,9 +378,11 @@ def read_parquet(path: Path) -> LogTable:
 def _parquet(path: Path) -> Iterator[pq.ParquetFile]:
     try:
         # Read ahead, the whole file would be in memory.
-        with pq.ParquetFile(path, buffer_size=_BUFFER, pre_buffer=False) as file:
+        with pq.ParquetFile(
+            path, buffer_size=_BUFFER, pre_buffer=False, page_checksum_verification=True
+        ) as file:
             yield file
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         said = " ".join(str(error).split())
         raise InputError(f"cannot read {path}: it is no whole Parquet file ({said})") from error
 
