@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, BinaryIO, Protocol
 
 import numpy as np
@@ -19,6 +20,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from taskspec_runner.errors import InputError
+from taskspec_runner.export.tables import SCHEMA_SUM, schema_sum
 from taskspec_runner.record.mapped import GrowingColumns
 from taskspec_runner.record.whole import open_regular
 from taskspec_runner.recorded.sample_texts import SampleTexts, SampleTextsBuilder
@@ -50,6 +52,7 @@ class LogSource(Protocol):
         form: of it, in a word.
         units: columns, and the unit that the file states of each; empty where it states none.
         lines: what a text says above its columns, by the word that each line begins with.
+        columns: columns of a run's log that the file says it has, and what they are called in it.
         timed: whether each column has times of its own, as messages have; a message holds until
             the next one.
     """
@@ -58,6 +61,7 @@ class LogSource(Protocol):
     form: str
     units: Mapping[str, str]
     lines: Mapping[str, str]
+    columns: Mapping[str, str]
     timed: bool
 
     def numbers(self, names: Sequence[str]) -> dict[str, Vector]:
@@ -97,6 +101,7 @@ class LogTable:
     """A CSV or Parquet file: one row a sample."""
 
     timed = False
+    columns: Mapping[str, str] = MappingProxyType({})
 
     def __init__(
         self,
@@ -383,6 +388,12 @@ def read_parquet(path: Path) -> LogTable:
     """
     with _parquet(path) as file:
         schema, rows = file.schema_arrow, file.metadata.num_rows
+        stated = (file.metadata.metadata or {}).get(SCHEMA_SUM.encode())
+        if stated is not None and stated.decode("ascii", "replace") != schema_sum(schema):
+            raise InputError(
+                f"cannot read {path}: it is no whole Parquet file (the checksum of its schema is "
+                "another one)"
+            )
     units = [(f.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for f in schema]
     names = [field.name for field in schema]
 
@@ -403,9 +414,11 @@ def read_parquet(path: Path) -> LogTable:
 def _parquet(path: Path) -> Iterator[pq.ParquetFile]:
     try:
         # Read ahead, the whole file would be in memory.
-        with pq.ParquetFile(path, buffer_size=_BUFFER, pre_buffer=False) as file:
+        with pq.ParquetFile(
+            path, buffer_size=_BUFFER, pre_buffer=False, page_checksum_verification=True
+        ) as file:
             yield file
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         said = " ".join(str(error).split())
         raise InputError(f"cannot read {path}: it is no whole Parquet file ({said})") from error
 
@@ -465,7 +478,8 @@ def open_source(path: Path, header: int | None = None, decimal: str | None = Non
     Raises:
         InputError: it is none of them, or is empty or cut short.
     """
-    from taskspec_runner.recorded.messages import MAGIC, read_mcap
+    from taskspec_runner.export.chunks import MAGIC
+    from taskspec_runner.recorded.messages import read_mcap
 
     try:
         with open_regular(path) as file:
