@@ -10,6 +10,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -57,6 +58,7 @@ class MessageLog:
     def __init__(self, path: Path, topics: Mapping[str, _Topic], units: Mapping[str, str]) -> None:
         """Takes the topics of a file and the units of their fields, by topic and field."""
         self.path, self.units, self._topics = path, units, topics
+        self.stated = _metadata(path)
 
     def _field(self, name: str) -> tuple[_Topic, str]:
         topic = next(t for t in self._topics if name.startswith(f"{t}.") and name in self.units)
@@ -276,6 +278,17 @@ def _messages(path: Path) -> Iterator[tuple[Any, Any, Any]]:
         # The library lets through whatever its decompressors and unpackers raise.
         said = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"cannot read {path}: it is no whole MCAP file ({said})") from error
+
+
+def _metadata(path: Path) -> Mapping[str, str]:
+    """What an export says of its run; nothing in a file that cannot tell, or of other origin."""
+    make_reader = library("mcap.reader", "MCAP", "mcap").make_reader
+    # The library lets through whatever its decompressors and unpackers raise.
+    with suppress(Exception), open_regular(path) as file:
+        for record in make_reader(file, validate_crcs=True).iter_metadata():
+            if record.name == "taskspec":
+                return dict(record.metadata)
+    return {}
 
 
 def _stated(path: Path, channel: Any) -> Mapping[str, Any]:

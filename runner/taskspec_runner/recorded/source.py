@@ -45,6 +45,7 @@ class LogSource(Protocol):
         form: of it, in a word.
         units: columns, and the unit that the file states of each; empty where it states none.
         lines: what a text says above its columns, by the word that each line begins with.
+        stated: metadata of the file.
         timed: whether each column has times of its own, as messages have; a message holds until
             the next one.
     """
@@ -53,6 +54,7 @@ class LogSource(Protocol):
     form: str
     units: Mapping[str, str]
     lines: Mapping[str, str]
+    stated: Mapping[str, str]
     timed: bool
 
     def numbers(self, names: Sequence[str]) -> dict[str, Vector]:
@@ -101,6 +103,7 @@ class LogTable:
         batches: Batches,
         first: int,
         lines: Mapping[str, str],
+        stated: Mapping[str, str] | None = None,
     ) -> None:
         """Takes a table.
 
@@ -110,8 +113,9 @@ class LogTable:
             units: columns by their names, without units, and the units that it states.
             batches: reads some of the columns.
             first: number of the first row for a reader; 2 where a header stands before it.
-            lines: see `LogSource`.
+            lines, stated: see `LogSource`.
         """
+        self.stated = stated or {}
         self.path, self.form, self.units, self.lines = path, form, units, lines
         self._batches, self._first = batches, first
 
@@ -347,6 +351,9 @@ def read_parquet(path: Path) -> LogTable:
     """
     with _parquet(path) as file:
         schema, rows = file.schema_arrow, file.metadata.num_rows
+        metadata = file.metadata.metadata or {}
+    stated = {key.decode("utf-8", "replace"): value.decode("utf-8", "replace")
+              for key, value in metadata.items()}  # fmt: skip
     units = [(f.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for f in schema]
     names = [field.name for field in schema]
 
@@ -360,7 +367,7 @@ def read_parquet(path: Path) -> LogTable:
 
     if not rows:
         raise InputError(f"cannot read {path}: it holds no sample")
-    return _table(path, "Parquet", names, units, batches, 1, {})
+    return _table(path, "Parquet", names, units, batches, 1, {}, stated)
 
 
 @contextmanager
@@ -382,11 +389,12 @@ def _table(
     batches: Callable[[Sequence[int]], Iterator[pa.RecordBatch]],
     first: int,
     lines: Mapping[str, str],
+    stated: Mapping[str, str] | None = None,
 ) -> LogTable:
     """A table whose columns are called without the units that stand behind their names.
 
     Args:
-        path, form, first, lines: see `LogTable`.
+        path, form, first, lines, stated: see `LogTable`.
         names: of the columns, with or without units.
         units: that stand elsewhere.
         batches: reads some columns, by their numbers.
@@ -394,7 +402,7 @@ def _table(
     split = [named(name) for name in names]
     bare = [name for name, _ in split]
     twice = {name for name, count in Counter(bare).items() if count > 1}
-    stated = [unit or own for unit, (_, own) in zip(units, split, strict=True)]
+    stating = [unit or own for unit, (_, own) in zip(units, split, strict=True)]
 
     def read(wanted: Sequence[str]) -> Iterator[pa.RecordBatch]:
         several = next((name for name in wanted if name in twice), None)
@@ -403,7 +411,8 @@ def _table(
         for batch in batches([bare.index(name) for name in wanted]):
             yield batch.rename_columns(list(wanted))
 
-    return LogTable(path, form, dict(zip(bare, stated, strict=True)), read, first, lines)
+    units = dict(zip(bare, stating, strict=True))
+    return LogTable(path, form, units, read, first, lines, stated)
 
 
 def named(text: str) -> tuple[str, str]:
