@@ -1,7 +1,8 @@
 """Where a log ends: with its task, before it does, or nobody knows.
 
-The last stage of a log is over by what was recorded of it: its `time`, `until` and `within` over the
-ticks. What no log shows, such as that moves are done, is undecided unless the log itself says it.
+The last stage of a log is over by what was recorded of it: its `time`, `until` and `within` over
+the ticks. What no log shows, such as that moves are done, is undecided unless the log itself
+says it.
 """
 
 from __future__ import annotations

@@ -152,8 +152,9 @@ def test_renamed_columns_in_other_units_with_other_signs(run: Run, tmp_path: Pat
               "  joint.1.position: {column: q1, unit: deg}",
               "  error.x: {column: e, unit: mm}"]  # fmt: skip
     # That the moves of its last stage are done shows in no log: what follows says it.
-    data = {name: [*values, 1e3 * run.end if name == "stamp" else np.nan]
-            for name, values in data.items()} | {"phase": [*run.history.stages.tolist(), "end"]}  # fmt: skip
+    data = {name: [*values, np.nan] for name, values in data.items() if name != "phase"}
+    data["stamp"][-1] = 1e3 * run.end
+    data["phase"] = [*run.history.stages.tolist(), "end"]
     log = tmp_path / "log.parquet"
     pq.write_table(pa.table(data), log)
     result = judged(SHIPPED, log, tmp_path / "out", "\n".join(lines))

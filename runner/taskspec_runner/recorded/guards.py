@@ -184,11 +184,9 @@ class GuardWalk:
         self._visits = dict(Counter(each for _, each in visits))
         rows = slice(first, self._ticks)
         t = np.asanyarray(counted(rows.stop - first) * self._period, dtype=np.float64)
-        found: list[tuple[Mask, events.Event]] = []
-        unknown = ""
-        for ends in (self._guarded(events.FAIL_IF, stage, rows, t), self._late(stage, t)):
-            with suppress(InputError):
-                found += ends
+        found, unknown = self._late(stage, t), ""
+        with suppress(InputError):
+            found += self._guarded(events.FAIL_IF, stage, rows, t)
         try:
             found += self._guarded(events.UNTIL, stage, rows, t)
         except InputError:

@@ -411,8 +411,8 @@ def _table(
         for batch in batches([bare.index(name) for name in wanted]):
             yield batch.rename_columns(list(wanted))
 
-    units = dict(zip(bare, stating, strict=True))
-    return LogTable(path, form, units, read, first, lines, stated)
+    named_units = dict(zip(bare, stating, strict=True))
+    return LogTable(path, form, named_units, read, first, lines, stated)
 
 
 def named(text: str) -> tuple[str, str]:
