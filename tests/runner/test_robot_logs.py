@@ -58,7 +58,7 @@ stages:
     until: force.z < -2 N for 10 ms
     within: {time: 3 s}
   press: {axes: {z: {force: -10 N}}, time: 2 s}
-  leave: {axes: {z: {move: 30 mm}}}
+  leave: {axes: {z: {velocity: 30 mm/s}}, time: 0.9 s}
 expect: [press.force.z within -10 N +- 0.5 N for 70 %]
 """
 TILTED = PRESS.replace("320 mm]", "180 mm]").replace("300 mm],", "300 mm], rpy: [0, 20 deg, 0],")

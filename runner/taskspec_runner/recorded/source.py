@@ -53,6 +53,7 @@ class LogSource(Protocol):
         units: columns, and the unit that the file states of each; empty where it states none.
         lines: what a text says above its columns, by the word that each line begins with.
         columns: columns of a run's log that the file says it has, and what they are called in it.
+        stated: metadata of the file.
         timed: whether each column has times of its own, as messages have; a message holds until
             the next one.
     """
@@ -62,6 +63,7 @@ class LogSource(Protocol):
     units: Mapping[str, str]
     lines: Mapping[str, str]
     columns: Mapping[str, str]
+    stated: Mapping[str, str]
     timed: bool
 
     def numbers(self, names: Sequence[str]) -> dict[str, Vector]:
@@ -112,6 +114,7 @@ class LogTable:
         first: int,
         lines: Mapping[str, str],
         decimal: str = POINT,
+        stated: Mapping[str, str] | None = None,
     ) -> None:
         """Takes a table.
 
@@ -121,10 +124,10 @@ class LogTable:
             units: columns by their names, without units, and the units that it states.
             batches: reads some of the columns.
             first: number of the first row for a reader; 2 where a header stands before it.
-            lines: see `LogSource`.
+            lines, stated: see `LogSource`.
             decimal: what stands before the decimals of numbers that are texts.
         """
-        self._decimal = decimal
+        self._decimal, self.stated = decimal, stated or {}
         self.path, self.form, self.units, self.lines = path, form, units, lines
         self._batches, self._first = batches, first
 
@@ -388,12 +391,14 @@ def read_parquet(path: Path) -> LogTable:
     """
     with _parquet(path) as file:
         schema, rows = file.schema_arrow, file.metadata.num_rows
-        stated = (file.metadata.metadata or {}).get(SCHEMA_SUM.encode())
-        if stated is not None and stated.decode("ascii", "replace") != schema_sum(schema):
-            raise InputError(
-                f"cannot read {path}: it is no whole Parquet file (the checksum of its schema is "
-                "another one)"
-            )
+        metadata = file.metadata.metadata or {}
+    stated = {key.decode("utf-8", "replace"): value.decode("utf-8", "replace")
+              for key, value in metadata.items()}  # fmt: skip
+    if SCHEMA_SUM in stated and stated[SCHEMA_SUM] != schema_sum(schema):
+        raise InputError(
+            f"cannot read {path}: it is no whole Parquet file (the checksum of its schema is "
+            "another one)"
+        )
     units = [(f.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for f in schema]
     names = [field.name for field in schema]
 
@@ -407,7 +412,7 @@ def read_parquet(path: Path) -> LogTable:
 
     if not rows:
         raise InputError(f"cannot read {path}: it holds no sample")
-    return _table(path, "Parquet", names, units, batches, 1, {})
+    return _table(path, "Parquet", names, units, batches, 1, {}, stated=stated)
 
 
 @contextmanager
@@ -432,11 +437,12 @@ def _table(
     first: int,
     lines: Mapping[str, str],
     decimal: str = POINT,
+    stated: Mapping[str, str] | None = None,
 ) -> LogTable:
     """A table whose columns are called without the units that stand behind their names.
 
     Args:
-        path, form, first, lines, decimal: see `LogTable`.
+        path, form, first, lines, decimal, stated: see `LogTable`.
         names: of the columns, with or without units.
         units: that stand elsewhere.
         batches: reads some columns, by their numbers.
@@ -444,7 +450,7 @@ def _table(
     split = [named(name) for name in names]
     bare = [name for name, _ in split]
     twice = {name for name, count in Counter(bare).items() if count > 1}
-    stated = [unit or own for unit, (_, own) in zip(units, split, strict=True)]
+    stating = [unit or own for unit, (_, own) in zip(units, split, strict=True)]
 
     def read(wanted: Sequence[str]) -> Iterator[pa.RecordBatch]:
         several = next((name for name in wanted if name in twice), None)
@@ -453,7 +459,8 @@ def _table(
         for batch in batches([bare.index(name) for name in wanted]):
             yield batch.rename_columns(list(wanted))
 
-    return LogTable(path, form, dict(zip(bare, stated, strict=True)), read, first, lines, decimal)
+    named_units = dict(zip(bare, stating, strict=True))
+    return LogTable(path, form, named_units, read, first, lines, decimal, stated)
 
 
 def named(text: str) -> tuple[str, str]:
