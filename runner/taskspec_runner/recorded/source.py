@@ -404,11 +404,17 @@ def read_parquet(path: Path) -> LogTable:
 
     def batches(columns: Sequence[int]) -> Iterator[pa.RecordBatch]:
         with _parquet(path) as file:
-            wanted = [names[number] for number in columns]
+            wanted, left = [names[number] for number in columns], rows
             for batch in file.iter_batches(ROWS, columns=wanted, use_threads=False):
                 # A name with dots may bring others, of which it is the beginning.
                 found = [batch.column(batch.schema.get_field_index(name)) for name in wanted]
+                left -= batch.num_rows
                 yield pa.RecordBatch.from_arrays(found, wanted)
+        if left:
+            raise InputError(
+                f"cannot read {path}: it is no whole Parquet file (it holds {rows - left} of "
+                f"{rows} samples)"
+            )
 
     if not rows:
         raise InputError(f"cannot read {path}: it holds no sample")
