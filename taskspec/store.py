@@ -13,6 +13,8 @@ VARIABLE = "TASKSPEC_CACHE"
 
 _MAGIC = b"taskspec store 1\n"
 _DIGEST = hashlib.sha256().digest_size
+#: User id of the system itself.
+_SYSTEM = 0
 _LIMIT = 256 * 1024 * 1024
 #: Share of the limit that is left when files are removed: else the next one that is put would have
 #: the folder looked through again.
@@ -68,7 +70,8 @@ class Store:
     may share a folder. A folder that cannot be read or written is a store that keeps nothing.
 
     The bytes may be machine code. A folder that belongs to another user, or that others may write
-    to, is left alone.
+    to, is left alone, and so is one below such a folder. What is no regular file, as a pipe, a
+    device or a link, counts as none.
     """
 
     def __init__(self, folder: Path | None, *, limit: int = _LIMIT) -> None:
@@ -92,7 +95,7 @@ class Store:
             return None
         path = self._path(self._folder, key)
         try:
-            whole = path.read_bytes()
+            whole = _read(path)
         except OSError:
             return None
         start = len(_MAGIC) + _DIGEST
@@ -110,7 +113,10 @@ class Store:
             return
         # A full disk, a folder that is read-only: the next process makes the bytes anew.
         with suppress(OSError):
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            missing = [each for each in (folder, *folder.parents) if not each.exists()]
+            for each in reversed(missing):
+                # `mkdir` gives the folders above the last one whatever the umask leaves.
+                each.mkdir(mode=0o700, exist_ok=True)
             if _is_ours(folder):
                 whole = _MAGIC + _checksum(key, data) + data
                 _write(self._path(folder, key), whole)
@@ -147,14 +153,42 @@ def _checksum(key: str, data: bytes) -> bytes:
 
 
 def _is_ours(folder: Path) -> bool:
-    """Whether the folder is this user's, and no other may write to it; Windows has no such bits."""
+    """Whether no other user may write to a folder, or put another one in its place.
+
+    It is this user's own, and each folder above it, by its name and with links followed, this
+    user's or the system's. Others may write to one of these only where its sticky bit keeps them
+    from renaming what is not theirs, as in /tmp. Windows has no such bits.
+    """
     if sys.platform == "win32":
         return True
+    user, others = os.getuid(), stat.S_IWGRP | stat.S_IWOTH
     try:
         facts = folder.stat()
-    except OSError:
+        if facts.st_uid != user or facts.st_mode & others:
+            return False
+        for above in {*folder.absolute().parents, *folder.resolve().parents}:
+            facts = above.stat()
+            if facts.st_uid not in (user, _SYSTEM):
+                return False
+            if facts.st_mode & others and not facts.st_mode & stat.S_ISVTX:
+                return False
+    except (OSError, RuntimeError):
         return False
-    return facts.st_uid == os.getuid() and not facts.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return True
+
+
+def _read(path: Path) -> bytes:
+    """The content of a regular file; nothing is waited for, as the other end of a pipe would be.
+
+    Raises:
+        OSError: it is another thing, or cannot be read.
+    """
+    flags = (getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
+    descriptor = os.open(path, os.O_RDONLY | sum(flags))
+    with os.fdopen(descriptor, "rb") as file:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise OSError(None, "it is not a regular file")
+        return file.read()
 
 
 def _write(path: Path, data: bytes) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import io
+import json
 import sys
 from contextlib import suppress
 from dataclasses import replace
@@ -13,6 +13,8 @@ from typing import Any, Literal
 import lark
 from lark import Lark, Token, Transformer
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput
+from lark.grammar import Rule
+from lark.lexer import TerminalDef
 
 from taskspec.expression import tree
 from taskspec.expression.functions import REDUCERS
@@ -127,7 +129,7 @@ def _parser() -> Lark:
     if kept is not None:
         # A table of the same Lark that it does not read all the same is made anew.
         with suppress(Exception):
-            return Lark.load(io.BytesIO(kept))
+            return _loaded(json.loads(kept))
     parser = Lark(
         text,
         parser="lalr",
@@ -136,10 +138,37 @@ def _parser() -> Lark:
         maybe_placeholders=False,
         transformer=_Build(),
     )
-    file = io.BytesIO()
-    parser.save(file)
-    store.put(key, file.getvalue())
+    store.put(key, json.dumps(_tables(parser)).encode())
     return parser
+
+
+def _tables(parser: Lark) -> Any:
+    """What `Lark.save` writes as a pickle, as data: JSON runs nothing that lies in the cache."""
+    data, memo = parser.memo_serialize([TerminalDef, Rule])
+    options = {**data["options"], "transformer": None}
+    return _paired({"data": {**data, "options": options}, "memo": memo})
+
+
+def _loaded(tables: Any) -> Lark:
+    """The parser of its tables."""
+    found = _mapped(tables)
+    found["data"]["options"]["transformer"] = _Build()
+    parser: Lark = Lark.load(found)
+    return parser
+
+
+def _paired(value: Any) -> Any:
+    """A value with mappings as lists of pairs, since keys of JSON are texts and these numbers."""
+    if isinstance(value, dict):
+        return {"pairs": [[key, _paired(each)] for key, each in value.items()]}
+    return [_paired(each) for each in value] if isinstance(value, list | tuple) else value
+
+
+def _mapped(value: Any) -> Any:
+    """The value that was made pairs of."""
+    if isinstance(value, dict):
+        return {key: _mapped(each) for key, each in value["pairs"]}
+    return [_mapped(each) for each in value] if isinstance(value, list) else value
 
 
 def _adopt_unit(first: tree.Node, second: tree.Node) -> tree.Node:

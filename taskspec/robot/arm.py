@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import base64
+import dataclasses
 import hashlib
+import json
 import os
-import pickle
 import platform
 from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -22,6 +24,7 @@ from taskspec.robot.coupling import JointCoupling
 from taskspec.robot.links import Links
 from taskspec.robot.pinocchio_model import Bodies
 from taskspec.robot.types import FileRemark, ToolBody, ToolGeometry
+from taskspec.shapes import tool_shapes
 from taskspec.store import Store, sources
 
 if TYPE_CHECKING:
@@ -83,8 +86,8 @@ def known_arm(key: str) -> KnownArm | None:
     if data is None:
         return None
     try:
-        found = pickle.loads(data)
-    except Exception:
+        found = _read(json.loads(data))
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
         # What cannot be read is made anew; it is nothing that this version has written.
         return None
     return found if isinstance(found, KnownArm) else None
@@ -92,7 +95,48 @@ def known_arm(key: str) -> KnownArm | None:
 
 def keep_arm(key: str, arm: KnownArm) -> None:
     """Keeps an arm under a key."""
-    _store().put(key, pickle.dumps(arm))
+    _store().put(key, json.dumps(_written(arm)).encode())
+
+
+#: What an arm is made of: nothing else is made of what is kept, which is data and no program.
+_KINDS = {
+    kind.__name__: kind
+    for kind in (
+        *(KnownArm, Bodies, JointCoupling, ToolGeometry, ToolBody, Links, FileRemark),
+        *tool_shapes().values(),
+    )
+}
+_KIND, _ARRAY, _AXIS = "kind", "array", "axis"
+
+
+def _written(value: object) -> Any:
+    """A part of an arm as JSON; arrays bit by bit."""
+    if isinstance(value, np.ndarray):
+        data = base64.b64encode(np.ascontiguousarray(value).tobytes()).decode()
+        return {_ARRAY: data, "type": value.dtype.str, "shape": value.shape}
+    if isinstance(value, Axis):
+        return {_AXIS: str(value)}
+    if isinstance(value, tuple | list):
+        return [_written(each) for each in value]
+    if dataclasses.is_dataclass(value):
+        own = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        return {_KIND: type(value).__name__, **{n: _written(each) for n, each in own.items()}}
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _read(data: Any) -> Any:
+    """A part of an arm of its JSON; all lists are tuples."""
+    if isinstance(data, list):
+        return tuple(map(_read, data))
+    if not isinstance(data, dict):
+        return data
+    if _ARRAY in data:
+        values = np.frombuffer(base64.b64decode(data[_ARRAY]), np.dtype(data["type"]))
+        return values.reshape(data["shape"]).copy()
+    if _AXIS in data:
+        return Axis(data[_AXIS])
+    fields = {name: _read(value) for name, value in data.items() if name != _KIND}
+    return _KINDS[data[_KIND]](**fields)
 
 
 def _store() -> Store:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -34,6 +34,7 @@ from taskspec.robot.tool import attach, make_tool
 from taskspec.robot.twin import Twin
 from taskspec.robot.types import MujocoArm, RobotLike, RobotModel, ToolBody
 from taskspec.text.codes import register
+from taskspec.text.suggest import closest
 
 register({"TS404": "a robot file that does not compile"})
 
@@ -344,15 +345,20 @@ def _read(name: str, base_dir: Path | None, arguments: Mapping[str, str]) -> Rob
         return read_packaged(name, arguments)
     if looks_like_path(name):
         return read_own(name, base_dir or Path.cwd(), arguments)
-    close = difflib.get_close_matches(name, builtin_names(), 1)
+    # A ur10e is no slip of ur5e: numbers tell robots apart.
+    close = closest(name, (each for each in builtin_names() if _digits(each) == _digits(name)))
     raise RobotError(
         "TS401",
         f"there is no robot '{name}'",
-        f"did you mean '{close[0]}'?"
+        f"did you mean '{close}'?"
         if close
         else f"built in are {', '.join(builtin_names())}; or give the path of an MJCF or URDF "
         "file, or PACKAGE:NAME of one that pip has installed",
     )
+
+
+def _digits(name: str) -> list[str]:
+    return re.findall(r"\d+", name)
 
 
 def _tool_mount(chain: Chain, planar: bool) -> pin.SE3:

@@ -30,10 +30,11 @@ _ARGUMENT = re.compile(rb"<\s*xacro:arg\b([^>]*)>")
 _USED = re.compile(rb"\$\(arg\s+([\w.-]+)\s*\)")
 _ATTRIBUTE = re.compile(rb"\b(name|default)\s*=\s*(\"[^\"]*\"|'[^']*')")
 #: xacro ends the process on some mistakes, and what a file computes may take for ever. Where
-#: packages lie is for whoever called it to find.
+#: packages lie is for whoever called it to find. The process is isolated (`-I`): a module that lies
+#: beside a robot of other people is not imported, however it is called.
 _PROGRAM = """
 import contextlib, json, sys
-sys.path[:] = json.loads(sys.argv[2])
+sys.path += json.loads(sys.argv[2])
 arguments, packages = json.loads(sys.argv[3]), json.loads(sys.argv[4])
 import xacro
 class Missing(BaseException):
@@ -157,8 +158,10 @@ def _run(
     path: Path, shown: str, arguments: Mapping[str, str], packages: Mapping[str, Path]
 ) -> dict[str, Any]:
     """What xacro makes of a file: its text, the package that it misses, or its error."""
-    inputs = (sys.path, dict(arguments), {name: str(each) for name, each in packages.items()})
-    command = [sys.executable, "-c", _PROGRAM, str(path.resolve()), *map(json.dumps, inputs)]
+    own = {path.parent.resolve(), Path.cwd()}
+    modules = [each for each in sys.path if Path(each).is_absolute() and Path(each) not in own]
+    inputs = (modules, dict(arguments), {name: str(each) for name, each in packages.items()})
+    command = [sys.executable, "-I", "-c", _PROGRAM, str(path.resolve()), *map(json.dumps, inputs)]
     try:
         done = subprocess.run(
             command, capture_output=True, timeout=_SECONDS, cwd=path.parent, check=False

@@ -26,8 +26,9 @@ class Span:
     via: tuple[tuple[str, Span], ...] = ()
 
     def reached(self, words: str, place: Span) -> Span:
-        """The same stretch, with a place that led to it."""
-        return replace(self, via=(*self.via, (words, place), *place.via))
+        """The same stretch, with a place that led to it, and what led there."""
+        # Each place once: with its own `via` in each, one more step would double all before it.
+        return replace(self, via=(*self.via, (words, replace(place, via=())), *place.via))
 
     def covering(self, line: int, column: int, end_line: int, end_column: int) -> Span:
         """Another stretch of the same text that the same places led to."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+import stat
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -222,3 +223,56 @@ def test_llvmlite_is_loaded_by_an_engine_alone() -> None:
         "assert not [m for m in sys.modules if m.startswith('llvmlite')]"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such bits")
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o707])
+def test_a_store_below_a_folder_that_others_may_write_to_keeps_nothing(tmp_path, mode) -> None:
+    """Whoever may write there may put another folder in its place; /tmp has a sticky bit."""
+    above = tmp_path / "above"
+    folder = above / "cache" / "native"
+    store = Store(folder)
+    store.put("a", b"data")
+    assert store.get("a") == b"data"
+    assert {each.stat().st_mode & 0o777 for each in (above, folder.parent, folder)} == {0o700}
+    above.chmod(mode)
+    assert store.get("a") is None
+    store.put("b", b"data")
+    assert len(list(folder.iterdir())) == 1
+    above.chmod(mode | stat.S_ISVTX)
+    assert store.get("a") == b"data"
+    above.chmod(0o755)
+    (tmp_path / "link").symlink_to(above)
+    assert Store(tmp_path / "link" / "cache" / "native").get("a") == b"data"
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="gives folders away")
+def test_a_store_below_a_folder_of_another_user_keeps_nothing(tmp_path) -> None:
+    folder = tmp_path / "above" / "native"
+    store = Store(folder)
+    store.put("a", b"data")
+    os.chown(folder.parent, 65534, 65534)
+    assert store.get("a") is None
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="makes pipes")
+@pytest.mark.parametrize("kind", ["pipe", "device", "link", "link to itself", "folder"])
+def test_what_is_no_file_in_a_store_is_passed_over(tmp_path, kind) -> None:
+    """Nothing waits for the other end of a pipe, or reads a device to its end."""
+    store = Store(tmp_path / "native")
+    store.put("a", b"data")
+    (path,) = (tmp_path / "native").iterdir()
+    sound = tmp_path / "sound"
+    path.rename(sound)
+    make = {
+        "pipe": lambda: os.mkfifo(path),
+        "device": lambda: path.symlink_to("/dev/zero"),
+        "link": lambda: path.symlink_to(sound),
+        "link to itself": lambda: path.symlink_to(path.name),
+        "folder": path.mkdir,
+    }
+    make[kind]()
+    assert store.get("a") is None
+    store.put("a", b"again")
+    assert store.get("a") == (None if kind == "folder" else b"again")
+    assert sound.read_bytes().endswith(b"data")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
 import shutil
@@ -174,7 +175,9 @@ def test_a_spoiled_file_is_made_anew(load, cache, compiled, at):
     assert len(compiled) == 2
 
 
-@pytest.mark.parametrize("data", [b"", b"no arm", pickle.dumps("no arm")])
+@pytest.mark.parametrize(
+    "data", [b"", b"no arm", b'{"kind": "KnownArm"}', b'{"kind": "Path"}', pickle.dumps("no arm")]
+)
 def test_what_is_no_arm_is_made_anew(load, cache, compiled, monkeypatch, data):
     keys = []
     get = Store.get
@@ -266,3 +269,23 @@ def test_rules_are_asked_about_a_known_robot_without_mujoco(tmp_path):
     ]  # fmt: skip
     assert [text.split()[-1] for text in said] == ["True", "False"]
     assert said[0].replace("True", "False") == said[1]
+
+
+def test_what_is_kept_is_data(load, cache, tmp_path, monkeypatch):
+    """A pickle would run what it says; this one would leave a mark."""
+
+    class Marks:
+        def __reduce__(self):
+            return Path.touch, (tmp_path / "mark",)
+
+    keys = []
+    get = Store.get
+    monkeypatch.setattr(Store, "get", lambda self, key: keys.append(key) or get(self, key))
+    load("panda")
+    data = get(Store(cache), keys[0])
+    assert json.loads(data)["kind"] == "KnownArm"
+    Store(cache).put(keys[0], pickle.dumps(Marks()))
+    again(load, "panda")
+    assert not (tmp_path / "mark").exists()
+    pickle.loads(pickle.dumps(Marks()))
+    assert (tmp_path / "mark").exists()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -273,3 +275,33 @@ def test_arguments_are_names_with_values(written: str) -> None:
     (found,) = caught.value.diagnostics
     assert found.code == "TS022"
     assert "xacro: {name: ur5e}" in found.hint
+
+
+#: Modules that the process which expands a file imports, or may.
+IMPORTED = ("contextlib", "json", "sys", "xacro", "yaml", "ast", "glob", "math", "re",
+            "sitecustomize", "usercustomize", "xml", "copy", "random")  # fmt: skip
+
+
+@pytest.mark.parametrize("place", ["beside it", "where it is called"])
+def test_nothing_that_lies_beside_a_robot_is_imported(
+    load: Load,
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    place: str,
+) -> None:
+    """Each module leaves a mark if it is imported, and is found first by a path that has it."""
+    six(folder, "arm.xacro", *ARGUED)
+    mark = tmp_path / "imported"
+    there = folder if place == "beside it" else tmp_path / "working"
+    there.mkdir(exist_ok=True)
+    for name in IMPORTED:
+        (there / f"{name}.py").write_text(f"open({str(mark)!r}, 'a').write({name!r})\n")
+    monkeypatch.chdir(there)
+    # As `python -m` and an empty entry of PYTHONPATH have it.
+    monkeypatch.setattr(sys, "path", ["", str(there), *sys.path])
+    assert load("arm.xacro", folder, xacro={"name": "six"}).name == "arm"
+    assert not mark.exists()
+    # The mark is one that a process which looks there would leave.
+    subprocess.run([sys.executable, "-c", "import yaml"], cwd=there, check=True)
+    assert mark.read_text() == "yaml"

@@ -160,6 +160,22 @@ def test_forged_summary_is_found_out_by_judging_again(tmp_path: Path) -> None:
     assert len(data["apart"]) == 1
 
 
+@pytest.mark.parametrize("command", ["report", "judge", "export", "diff"])
+def test_a_task_that_is_not_that_of_the_log_is_told_however_it_is_sealed(
+    folder: Path, command: str
+) -> None:
+    """Each batch of the log says of which task it is; the bytes of the log alone do not."""
+    altered(folder / "task.yaml", "press: 5 N", "press: 6 N")
+    seal_folder(folder, log=json.loads((folder / "manifest.json").read_text())["log"])
+    assert read(folder).damage == "log.arrow was altered: it is the log of another run"
+    assert read(folder).verdict == "damaged"
+    options = {"export": ["--csv"], "diff": [folder]}.get(command, [])
+    result = call(command, folder, *options)
+    assert result.exit_code == (1 if command in ("report", "diff") else 2), result.output
+    if command != "export":
+        assert "it is the log of another run" in result.stderr
+
+
 def test_judge_says_what_it_needs(folder: Path, tmp_path: Path) -> None:
     altered(folder / "task.yaml", "press: 5 N", "press: 6 N")
     result = call("judge", folder)

@@ -79,6 +79,12 @@ def test_csv_has_units_in_its_header_and_every_number(folder: Path, tmp_path: Pa
         header, *rows = csv.reader(file)
     assert {"clock [s]", "stage", "force.x [N]", "joint.1.torque [N*m]", "touching"} <= set(header)
     assert '"' not in done.path.read_text(encoding="utf-8")
+    # The last line is no tick: it says when the run ended, and that it came to `end`.
+    *rows, last = rows
+    ended = dict(zip(header, last, strict=True))
+    assert {name: text for name, text in ended.items() if text} == {
+        "clock [s]": f"{done.extent.until:.12g}", "stage": "end",
+    }  # fmt: skip
     assert len(rows) == len(history) == done.extent.ticks
     columns = dict(zip(header, zip(*rows, strict=True), strict=True))
     assert columns["stage"] == tuple(history.stages)

@@ -67,7 +67,9 @@ def test_a_spoiled_file_is_made_anew(folder, monkeypatch, kept):
     assert read_without_a_grammar(monkeypatch) == new
 
 
-@pytest.mark.parametrize("data", [b"", b"no pickle", pickle.dumps({"data": {}, "memo": {}})])
+@pytest.mark.parametrize(
+    "data", [b"", b"no tables", b'{"pairs": []}', pickle.dumps({"data": {}, "memo": {}})]
+)
 def test_tables_that_lark_does_not_read_are_made_anew(folder, monkeypatch, data):
     new = read()
     keys = []

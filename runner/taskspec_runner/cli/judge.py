@@ -111,21 +111,22 @@ def judge_folder(folder: Path, form: RunFormat, *, recorded: bool = False) -> in
     # What is there, also if it is not what the run wrote: that is what is to be found out.
     said = run.summary or read_json(folder / SUMMARY)
     apart = list(_apart(judged, found, said)) if said else []
-    whole = not run.extent.partial and run.extent.status == "done"
+    whole = not run.extent.partial and run.extent.status in ("done", "undecided")
     held = not any(each["passed"] is False for each in judged)
     held = held and all(each["allowed"] for each in found)
+    open_ = run.extent.status == "undecided" or any(each["passed"] is None for each in judged)
     code = exit_codes.WELL
     if not whole:
         code = _OF_STATUS.get(run.extent.status, exit_codes.MISSED)
     elif not held or apart:
         code = exit_codes.MISSED
-    elif any(each["passed"] is None for each in judged):
+    elif open_:
         code = exit_codes.UNDECIDED
     if form is RunFormat.JSON:
         data = {"expectations": judged, "findings": found, "apart": apart, "damage": run.damage}
         typer.echo(json.dumps({"exit_code": code, **data}, indent=2, ensure_ascii=False))
     else:
-        _show(run, judged, found, apart, whole=whole, said=bool(said))
+        _show(run, judged, found, apart, whole=run.extent.status == "done", said=bool(said))
     return max(code, warn_of_damage(run))
 
 

@@ -12,6 +12,7 @@ from taskspec.text.units import FORCE, LENGTH, MOMENT, Dimension, scaled
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.exit_codes import FAILED, MISSED, STOPPED, UNDECIDED, WELL
 from taskspec_runner.link.link import sentence
+from taskspec_runner.loop.fixed_step import UNDECIDED as UNDECIDED_END
 from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict import torque_steps
@@ -92,7 +93,10 @@ def ending(run: Run) -> str:
             sentences += f", {unjudged} cannot be judged"
         broken = [e["broken"]["clock"] for e in summary["expectations"] if e["broken"]]
         if summary["status"] != "done":
-            sentences = f"so far: {sentences} until it {summary['status']}"
+            until = (
+                "the log ends" if summary["status"] == UNDECIDED_END else f"it {summary['status']}"
+            )
+            sentences = f"so far: {sentences} until {until}"
         elif broken:
             sentences += f", the first broken at {min(broken):.3f} s"
         text += f"; {sentences}"

@@ -9,11 +9,15 @@ from itertools import chain
 import numpy as np
 import pyarrow as pa
 
+from taskspec.program.execution.transition import END, FAIL
 from taskspec_runner.export.poses import PoseStream
 from taskspec_runner.record.extent import Extent
 from taskspec_runner.record.history import units_of
 from taskspec_runner.runs import Run
 
+#: Metadata of an export: how many ticks it has, and where they led, `end` or `fail`.
+OF_TICKS, ENDED = "taskspec.ticks", "taskspec.ended"
+_LED_TO = {"done": END, "failed": FAIL, "stopped": FAIL}
 #: Two run times that differ by less are the same [s].
 _ROUNDING = 1e-9
 
@@ -79,6 +83,17 @@ class LogStream:
         return self.run.extent_of(self.ticks, until)
 
     @property
+    def ended(self) -> str:
+        """Where the run led at the end of what is streamed, `end` or `fail`; empty if unknown.
+
+        A window that is over before the run is says nothing of that.
+        """
+        end = self._window[1]
+        if end is not None and end < self.run.end - _ROUNDING:
+            return ""
+        return _LED_TO.get(self.extent.status, "")
+
+    @property
     def metadata(self) -> dict[str, str]:
         """Facts about the run for a reader of the log alone, as texts."""
         manifest, extent = self.run.manifest, self.extent
@@ -86,7 +101,8 @@ class LogStream:
             "taskspec.task": str(manifest.get("task") or ""),
             "taskspec.status": extent.status,
             "taskspec.partial": json.dumps(extent.partial),
-            "taskspec.ticks": str(extent.ticks),
+            OF_TICKS: str(extent.ticks),
+            ENDED: self.ended,
             "taskspec.seed": str(manifest.get("seed", "")),
             "taskspec.versions": json.dumps(manifest.get("versions") or {}),
         }

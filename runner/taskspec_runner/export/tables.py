@@ -18,7 +18,11 @@ SCHEMA_SUM = "taskspec.schema"
 
 
 def write_csv(log: LogStream, path: Path) -> None:
-    """Writes a table as text: units in its header, as in `force.z [N]`; no value is no text."""
+    """Writes a table as text: units in its header, as in `force.z [N]`; no value is no text.
+
+    Its last line is no tick: it has the time at which the run ended, and as its stage `end` or
+    `fail`.
+    """
     header = [f"{name} [{unit}]" if unit else name for name, unit in log.units.items()]
     fields = [(name, pa.string() if name == STAGE else pa.float64()) for name in log.units]
     schema = pa.schema(fields)
@@ -30,6 +34,10 @@ def write_csv(log: LogStream, path: Path) -> None:
             for batch in log:
                 arrays = [_text(batch.column(name)) for name in schema.names]
                 writer.write_batch(pa.record_batch(arrays, schema=schema))
+        if log.ended:
+            # No tick: when and where the run led, which the last tick does not say.
+            said = {"clock": f"{log.extent.until:.12g}", STAGE: log.ended}
+            file.write((",".join(said.get(name, "") for name in log.units) + "\n").encode())
 
 
 def write_parquet(log: LogStream, path: Path) -> None:

@@ -40,6 +40,8 @@ _WORTH_COMPILING = 100_000
 #: Ticks that machine code runs at most before Python sees to messages, progress and interrupts.
 _AT_ONCE = 400
 DONE, FAILED, STOPPED = "done", "failed", "stopped"
+#: Of a log from elsewhere that does not show whether its task came to its end.
+UNDECIDED = "undecided"
 
 
 @dataclass(frozen=True, slots=True)

@@ -143,17 +143,20 @@ class Evidence:
     @cached_property
     def log_damage(self) -> str:
         """The damage of the log; empty if it has none."""
-        if self.ended and self.log_is_whole:
-            return ""
+        whole = self.ended and self.log_is_whole
         try:
             reader = self.log()
             for _ in reader:
-                pass
+                if whole:
+                    # Its bytes are those of the manifest; that it is of this run is in each batch.
+                    break
         except FileNotFoundError:
             # A run that was stopped, or killed, before its first batch has none.
             return f"{LOG} is missing" if self._sum(LOG) or self._first else ""
         except OSError as error:
             return f"{LOG} cannot be read: {error.strerror or error}"
+        if whole:
+            return reader.damage
         if not self.ended:
             return self._killed(reader)
         if reader.damage and not reader.cut:

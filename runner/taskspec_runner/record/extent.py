@@ -9,7 +9,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.manifest import RUNNING
 
 #: Statuses of a run whose log is complete.
-ENDED = ("done", "failed", "stopped")
+ENDED = ("done", "failed", "stopped", "undecided")
 _WHY = {
     RUNNING: "it was killed",
     "crashed": "it crashed",

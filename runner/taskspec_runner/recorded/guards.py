@@ -7,12 +7,16 @@ tick ends nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from itertools import chain, takewhile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression, Meaning, Scope, evaluate, resolve, tree
 from taskspec.expression.scope import CONSTANTS, ScopeKind
 from taskspec.expression.series import Series, SeriesAlgebra
@@ -22,6 +26,8 @@ from taskspec.program.execution.transition import END, FAIL, is_good, leads_to
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.signals.entries import TOUCHING
+from taskspec.spec import Stage
+from taskspec.text.units import TIME, show
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.file_array import BLOCK_ROWS, counted
 from taskspec_runner.recorded.ticks import Ticks, filled
@@ -34,6 +40,26 @@ Mask = NDArray[np.bool_]
 _INNER = ("travel", "path_done", "error", "limited", "force_inconsistent", "joint_error")
 #: Visits beyond which a log is said to go round in circles.
 _MOST_VISITS = 100_000
+
+
+#: Where a stage leads of which the log does not show whether it was over.
+UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class LastStage:
+    """What a log shows of the end of its last stage.
+
+    Attributes:
+        to: `end`, `fail`, the name of the stage that would follow, `unknown`, or empty where the
+            log ends before the stage does.
+        text: why, as a sentence.
+        timed: whether the file's times decided that, which what a log states cannot overrule.
+    """
+
+    to: str
+    text: str
+    timed: bool = False
 
 
 class _Since(SeriesAlgebra):
@@ -137,23 +163,98 @@ class GuardWalk:
             ahead *= 8
         return self._end_within(stage, slice(start, self._ticks))
 
+    def last_stage(self, visits: Sequence[tuple[int, str]], sample: float) -> LastStage:
+        """What the log shows of the end of the stage in which it ends.
+
+        `fail_if`, `until` and `within` are evaluated at the ticks that were recorded; a planned
+        time is over, too, if the next sample would have come after it: the tick that ends a stage
+        is not recorded as one of it.
+
+        Args:
+            visits: first tick and name of each.
+            sample: time between two samples of the log [s].
+        """
+        first, name = visits[-1]
+        stage, spec = self._stages[name], self._stages[name].plan.spec
+        names = [*self._stages]
+        following = names[names.index(name) + 1] if name != names[-1] else END
+        targets = spec.targets(following)
+        if END not in (*targets, spec.on_fail):
+            return LastStage(targets[-1], f"the log ends, and '{targets[-1]}' would follow")
+        self._visits = dict(Counter(each for _, each in visits))
+        rows = slice(first, self._ticks)
+        t = np.asanyarray(counted(rows.stop - first) * self._period, dtype=np.float64)
+        found, unknown = self._late(stage, t), ""
+        with suppress(InputError):
+            found += self._guarded(events.FAIL_IF, stage, rows, t)
+        try:
+            found += self._guarded(events.UNTIL, stage, rows, t)
+        except InputError:
+            unknown = f"what ends it, `{spec.until}`, cannot be evaluated from it"
+        tick, event = _first(found, rows)
+        if event is None and spec.until is None:
+            planned = self._planned(spec, len(set(targets)), float(t[-1]), sample)
+            if isinstance(planned, LastStage):
+                return planned
+            event = replace(planned, branch=len(targets) - 1)
+        again = sum(1 for _ in takewhile(lambda each: each[1] == name, reversed(visits)))
+        if event is not None and is_good(event) and again < spec.repeat:
+            unknown, event = f"it is repeated, {again} of {spec.repeat} times are known", None
+        if event is not None:
+            return _led(leads_to(spec, event, following), event, tick * self._period)
+        if unknown:
+            return _unknown(unknown)
+        return LastStage("", f"the log ends before `{spec.until}` held")
+
+    def _planned(
+        self, spec: Stage, targets: int, t: float, sample: float
+    ) -> LastStage | events.Event:
+        """The end of a stage without `until` at the end of a log, or what the log shows instead."""
+        lasted, took = t + self._period, spec.time or 0.0
+        if lasted + max(sample - self._period, 0.0) < took - self._period / 2:
+            text = f"the log ends {show(lasted, TIME)} into the stage"
+            return LastStage("", f"{text}, which takes {show(took, TIME)}", timed=True)
+        if self._moves(spec):
+            return _unknown("that its moves are done shows in no log")
+        if targets > 1:
+            return _unknown("where it leads is decided at the tick after it")
+        return events.Event(events.DONE, "done", "time")
+
+    def _guarded(
+        self, kind: str, stage: CompiledStage, rows: slice, t: Vector
+    ) -> list[tuple[Mask, events.Event]]:
+        """Where `fail_if` or `until` holds."""
+        spec = stage.plan.spec
+        guard = spec.fail_if if kind == events.FAIL_IF else spec.until
+        if guard is None:
+            return []
+        holds = self._guard(stage, kind, guard, rows, t)
+        return [*self._by_way(stage, holds, events.Event(kind, kind, str(guard)), rows, t)]
+
+    def _late(self, stage: CompiledStage, t: Vector) -> list[tuple[Mask, events.Event]]:
+        """Where `within` is over."""
+        within = stage.plan.spec.within
+        if within is None or within.time is None:
+            return []
+        late = t >= within.time - self._period / 2
+        return [(late, events.Event(events.WITHIN, "time", "within"))]
+
+    @staticmethod
+    def _moves(spec: Stage) -> bool:
+        """Whether a stage without a guard ends when its moves are done."""
+        given = (axis.given for axis in spec.axes.values())
+        moves = any(mode is not None and mode.ends for mode in given)
+        return spec.time is None or moves or spec.path is not None
+
     def _end_within(self, stage: CompiledStage, rows: slice) -> tuple[int, events.Event | None]:
         """The same, as far as some ticks from the stage's first one on say it."""
         spec, start = stage.plan.spec, rows.start
         t = np.asanyarray(counted(rows.stop - start) * self._period, dtype=np.float64)
-        found: list[tuple[Mask, events.Event]] = []
-        for kind, guard in ((events.FAIL_IF, spec.fail_if), (events.UNTIL, spec.until)):
-            if guard is not None:
-                holds = self._guard(stage, kind, guard, rows, t)
-                ended = events.Event(kind, kind, str(guard))
-                found += self._by_way(stage, holds, ended, rows, t)
-        if spec.within is not None and spec.within.time is not None:
-            late = t >= spec.within.time - self._period / 2
-            found.append((late, events.Event(events.WITHIN, "time", "within")))
+        kinds = (events.FAIL_IF, events.UNTIL)
+        found = [*chain.from_iterable(self._guarded(kind, stage, rows, t) for kind in kinds)]
+        found += self._late(stage, t)
         if spec.until is None:
-            given = (axis.given for axis in spec.axes.values())
-            moves = any(mode is not None and mode.ends for mode in given)
-            if spec.time is None or moves or spec.path is not None:
+            if spec.time is None or self._moves(spec):
                 # What ends the last stage ends the task, and the log with it.
                 if not self._is_last(stage):
                     raise InputError(
@@ -165,13 +266,7 @@ class GuardWalk:
                 over = t >= spec.time - self._period / 2
                 done = events.Event(events.DONE, "done", "time")
                 found += self._by_way(stage, over, done, rows, t)
-        first, event = rows.stop, None
-        for holds, each in found:
-            # The first tick of a stage ends nothing.
-            ends = np.flatnonzero(holds[1:])
-            if len(ends) and start + 1 + int(ends[0]) < first:
-                first, event = start + 1 + int(ends[0]), each
-        return first, event
+        return _first(found, rows)
 
     def _is_last(self, stage: CompiledStage) -> bool:
         """Whether the task ends as soon as a stage is done."""
@@ -248,3 +343,28 @@ class GuardWalk:
             sparse = column.endswith("gap")
             self._filled[key] = filled(columns[name], self._over, what, sparse=sparse)
         return self._filled.get(key)
+
+
+def _unknown(why: str) -> LastStage:
+    """A last stage of which the log does not show whether it was over."""
+    return LastStage(UNKNOWN, f"the log ends in the stage, and {why}")
+
+
+def _led(to: str, event: events.Event, clock: float) -> LastStage:
+    """Where an event of the last stage led, at a run time [s]."""
+    if to == FAIL:
+        why = "`within` was over" if event.kind == events.WITHIN else f"`{event.text}` held"
+        return LastStage(FAIL, f"{why} at {show(clock, TIME)}, which leads to fail")
+    return LastStage(to, "the log ends" if to == END else f"the log ends, and '{to}' would follow")
+
+
+def _first(
+    found: Sequence[tuple[Mask, events.Event]], rows: slice
+) -> tuple[int, events.Event | None]:
+    """The first tick at which one of some events ends a stage; its first tick ends nothing."""
+    first, event = int(rows.stop), None
+    for holds, each in found:
+        ends = np.flatnonzero(holds[1:])
+        if len(ends) and rows.start + 1 + int(ends[0]) < first:
+            first, event = rows.start + 1 + int(ends[0]), each
+    return first, event

@@ -14,7 +14,7 @@ from taskspec.program.program import Program
 from taskspec.program.worlds import true_world
 from taskspec.spec import LoadedTask
 from taskspec_runner.errors import InputError, OutputError
-from taskspec_runner.loop.fixed_step import DONE, FAILED, Outcome
+from taskspec_runner.loop.fixed_step import DONE, FAILED, UNDECIDED, Outcome
 from taskspec_runner.record import manifest
 from taskspec_runner.record.folder import open_folder
 from taskspec_runner.record.history import Visit
@@ -22,6 +22,7 @@ from taskspec_runner.record.log import Log
 from taskspec_runner.record.names import TASK
 from taskspec_runner.recorded.assignment import is_wrench
 from taskspec_runner.recorded.column_map import Columns, read_columns
+from taskspec_runner.recorded.guards import UNKNOWN
 from taskspec_runner.recorded.recording import ForeignLog, read_recording
 from taskspec_runner.result import RunResult
 from taskspec_runner.runs import ROWS
@@ -31,6 +32,8 @@ from taskspec_runner.verdict.summary import Simulated, summarise
 
 #: What ended a stage of a log, of which no event is known.
 RECORDED = "recorded"
+#: Why a log that ends before its task, or perhaps does, ends.
+LOG_ENDS = "log_ends"
 
 
 def judge_recording(
@@ -125,27 +128,22 @@ def _summary(
 
 
 def _outcome(program: Program, recording: ForeignLog, visits: Sequence[Visit]) -> Outcome:
-    """How the log ends: with the task, in a stage that leads to `fail`, or before its end."""
-    ticks, last = len(recording.history), visits[-1].stage
+    """How the log ends: with the task, in `fail`, before the task does, or nobody knows."""
+    ticks, last, stage = len(recording.history), recording.last, visits[-1].stage
     clock = ticks * program.context.period
-    names = [stage.name for stage in program.stages]
-    spec = program.stages[names.index(last)].plan.spec
-    following = names[names.index(last) + 1] if last != names[-1] else END
-    if recording.ended == FAIL:
-        text = f"the guards of stage '{last}' lead to fail"
-        return Outcome(FAILED, "guard", text, last, clock, ticks)
-    targets = spec.targets(following)
-    if END not in (*targets, spec.on_fail):
-        text = f"the log ends, and '{targets[-1]}' would follow"
-        return Outcome(FAILED, "log_ends", text, last, clock, ticks)
-    return Outcome(DONE, END, "the log ends", last, clock, ticks)
+    status, reason = {
+        END: (DONE, END),
+        FAIL: (FAILED, "guard"),
+        UNKNOWN: (UNDECIDED, LOG_ENDS),
+    }.get(last.to, (FAILED, LOG_ENDS))
+    return Outcome(status, reason, last.text, stage, clock, ticks)
 
 
 def _transitions(program: Program, visits: Sequence[Visit], outcome: Outcome) -> list[Transition]:
     period = program.context.period
     ends = []
     for visit, after in zip(visits, [*visits[1:], None], strict=True):
-        to = END if after is None and outcome.status == DONE else FAIL
+        to = {DONE: END, UNDECIDED: ""}.get(outcome.status, FAIL)
         text, name = outcome.text, outcome.reason
         if after is not None:
             to, name = after.stage, RECORDED

@@ -10,6 +10,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
@@ -65,6 +66,7 @@ class MessageLog:
             columns: see `LogSource`.
         """
         self.path, self.units, self.columns, self._topics = path, units, columns, topics
+        self.stated = _metadata(path)
 
     def _field(self, name: str) -> tuple[_Topic, str]:
         topic = next(t for t in self._topics if name.startswith(f"{t}.") and name in self.units)
@@ -383,6 +385,17 @@ def _messages(path: Path) -> Iterator[ChannelMessages]:
         # The library lets through whatever its decompressors and unpackers raise.
         said = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"cannot read {path}: it is no whole MCAP file ({said})") from error
+
+
+def _metadata(path: Path) -> Mapping[str, str]:
+    """What an export says of its run; nothing in a file that cannot tell, or of other origin."""
+    make_reader = library("mcap.reader", "MCAP", "mcap").make_reader
+    # The library lets through whatever its decompressors and unpackers raise.
+    with suppress(Exception), open_regular(path) as file:
+        for record in make_reader(file, validate_crcs=True).iter_metadata():
+            if record.name == "taskspec":
+                return dict(record.metadata)
+    return {}
 
 
 def _stated(path: Path, channel: Any, what: str) -> Mapping[str, Any]:

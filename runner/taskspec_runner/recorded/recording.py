@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import TRANSLATIONS
+from taskspec.program.execution.transition import END, FAIL
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.signals import SCALARS
@@ -19,12 +20,13 @@ from taskspec.signals.entries import TOUCHING
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import NUMBER, parse_unit
 from taskspec_runner.errors import InputError
+from taskspec_runner.export.stream import ENDED, OF_TICKS
 from taskspec_runner.record.file_array import blocks, counted, empty
 from taskspec_runner.record.history import STAGE, TO_REST, History, RecordedColumns
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.recorded.assignment import Assigned, Assignment
 from taskspec_runner.recorded.column_map import Columns
-from taskspec_runner.recorded.guards import GuardWalk
+from taskspec_runner.recorded.guards import GuardWalk, LastStage
 from taskspec_runner.recorded.sample_texts import SampleTexts
 from taskspec_runner.recorded.source import LogSource, open_source
 from taskspec_runner.recorded.ticks import BRIDGED, NEAR, Ticks, check_rate, filled
@@ -33,6 +35,10 @@ from taskspec_runner.recorded.wrench import WrenchTurn
 Vector = NDArray[np.float64]
 
 BY_COLUMN, BY_TIMES, BY_GUARDS = "column", "times", "guards"
+#: Words of a column of stages that name none: before the task, after it, and how it ended.
+_NO_STAGES = ("", TO_REST, END, FAIL)
+_BY_GUARDS = {END: "the log ends", FAIL: "the guards of the stage lead to fail"}
+_STATED = {END: "the log ends", FAIL: "the log says that the task ended in fail"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +47,12 @@ class ForeignLog:
 
     Attributes:
         history: with the columns that there are.
-        ended: where the guards of the file led at last: `end`, `fail`; empty if they were not
-            evaluated, or none of them held.
+        last: how its last stage ended, as far as it shows that.
         facts: of the log, its columns and how stages were found, for a manifest.
     """
 
     history: History
-    ended: str
+    last: LastStage
     facts: dict[str, Any]
 
 
@@ -66,7 +71,8 @@ def read_recording(
         InputError: log or map cannot be used; the message says what, where and what to do.
     """
     header = None if columns.map.header is None else int(columns.map.header)
-    return _Reading(program, open_source(log, header), columns, mirrored).recording()
+    source = open_source(log, header, columns.map.decimal)
+    return _Reading(program, source, columns, mirrored).recording()
 
 
 class _Reading:
@@ -84,10 +90,14 @@ class _Reading:
         joints = program.context.robot.joint_names
         self._assignment = Assignment(source, columns, dimensions, joints, mirrored=mirrored)
         self._gap = columns.map.gap or BRIDGED * self._period
+        #: What the column of stages, or the times of the map, say after the last stage.
+        self._after = ""
 
     def recording(self) -> ForeignLog:
         signals, staged = self._assignment.signals(), self._assignment.stages()
         start, ticks = self._ticks(signals, staged)
+        samples = max((each.stamps.samples for each in signals), default=0)
+        sample = max((float(np.median(np.diff(e.stamps.times))) for e in signals), default=0.0)
         assigned = {each.name: each.as_data() for each in signals}
         clocks = self._clocks(signals)
         turn = WrenchTurn(self._program, signals, [*self._units], self._assignment.numbers)
@@ -95,22 +105,30 @@ class _Reading:
         # As recorded they are needed no more.
         del signals
         measured = self._as_measured(values)
-        ended = ""
+        ended, end = "", ticks.count
+
+        def walk() -> GuardWalk:
+            return GuardWalk(self._program, in_stage, ticks, str(self._source.path))
+
+        def in_stage(stage: CompiledStage) -> Mapping[str, Vector]:
+            return turn.in_stage(stage, values) if turn.needed else values
+
         if staged is not None:
             found_by, visits = BY_COLUMN, self._by_column(staged, start, ticks)
         elif self._columns.map.stages is not None:
             found_by, visits = BY_TIMES, self._by_times(start, ticks)
+            if visits[-1][1] in (END, FAIL):
+                end, self._after = visits.pop()
         else:
             found_by = BY_GUARDS
-
-            def in_stage(stage: CompiledStage) -> Mapping[str, Vector]:
-                return turn.in_stage(stage, values) if turn.needed else values
-
-            walk = GuardWalk(self._program, in_stage, ticks, str(self._source.path))
-            visits, end, ended = walk.stages()
-            # What comes after the end of the task is no part of it.
-            ticks = Ticks(ticks.period, end, ticks.gap)
-            values = {name: column[:end] for name, column in values.items()}
+            visits, end, ended = walk().stages()
+        # What comes after the end of the task is no part of it.
+        ticks = Ticks(ticks.period, end, ticks.gap)
+        values = {name: column[:end] for name, column in values.items()}
+        last = LastStage(ended, _BY_GUARDS[ended]) if ended else walk().last_stage(visits, sample)
+        stated = self._stated_end(samples)
+        if stated and not last.timed:
+            last = LastStage(stated, _STATED[stated])
         history = self._history(values, visits, ticks)
         if turn.needed:
             history = self._turned(history, turn, measured)
@@ -127,7 +145,18 @@ class _Reading:
             "gap": self._gap,
             "base_turned": turn.half_turn,
         }
-        return ForeignLog(history, ended, facts)
+        return ForeignLog(history, last, facts)
+
+    def _stated_end(self, samples: int) -> str:
+        """Where the log itself says that its task ended: `end`, `fail`, else empty.
+
+        Its column of stages, or the times of a map, go on with a word for that; an export says of
+        how many ticks it is, and one that was cut has fewer.
+        """
+        stated = self._source.stated
+        if stated.get(OF_TICKS) == str(samples) and stated.get(ENDED) in (END, FAIL):
+            return stated[ENDED]
+        return self._after
 
     def _clocks(self, signals: Sequence[Assigned]) -> list[dict[str, Any]]:
         """What was recorded together: which columns, how many samples, how often [Hz]."""
@@ -194,7 +223,7 @@ class _Reading:
         """The time in which there is a stage; before and after it the column may say nothing."""
         column, times, words = staged
         # What a run's own log has after its end is in no stage.
-        named = np.array([name not in ("", TO_REST) for name in words.names])[words.codes]
+        named = np.array([name not in _NO_STAGES for name in words.names])[words.codes]
         if not named.any():
             raise InputError(f"{self._source.path}: column '{column}' names no stage")
         begin, end = int(np.argmax(named)), len(named) - 1 - int(np.argmax(named[::-1]))
@@ -204,9 +233,11 @@ class _Reading:
                 f"{self._source.path}: column '{column}' names no stage in {place}, between stages"
             )
         if end < len(named) - 1:
+            after = words.names[words.codes[end + 1]]
+            self._after = FAIL if after == TO_REST else after
             # A message holds until the next one; a row of a table is one sample.
-            after = float(times[end + 1]) - 2 * NEAR * self._period
-            last = min(last, after if self._source.timed else float(times[end]))
+            until = float(times[end + 1]) - 2 * NEAR * self._period
+            last = min(last, until if self._source.timed else float(times[end]))
         return max(first, float(times[begin])), last
 
     def _at(self, signal: Assigned, start: float, ticks: Ticks) -> Vector:
@@ -236,7 +267,7 @@ class _Reading:
         column, times, words = staged
         known = self._program.context.loaded.task.stages
         for code, word in enumerate(words.names):
-            if word not in ("", TO_REST) and word not in known:
+            if word not in _NO_STAGES and word not in known:
                 place = self._assignment.place(column, words.first(code))
                 hint = suggestion(word, known, "stages")
                 raise InputError(
@@ -270,6 +301,8 @@ class _Reading:
         starts = self._columns.map.stages or []
         known = self._program.context.loaded.task.stages
         for number, each in enumerate(starts):
+            if each.stage in (END, FAIL) and number and each is starts[-1]:
+                continue
             if each.stage not in known:
                 hint = suggestion(each.stage, known, "stages")
                 message = f"the task has no stage '{each.stage}'; {hint}"
@@ -288,7 +321,7 @@ class _Reading:
             raise self._columns.wrong(message, "stages", 0, "at")
         firsts = [int(np.ceil(time / self._period - NEAR)) for time in times]
         for number, first in enumerate(firsts):
-            if first >= ticks.count:
+            if first >= ticks.count + (starts[number].stage in (END, FAIL)):
                 message = f"the log ends {ticks.count * self._period:.6g} s after its beginning"
                 raise self._columns.wrong(message, "stages", number, "at")
         return [(first, each.stage) for first, each in zip(firsts, starts, strict=True)]

@@ -20,7 +20,7 @@ class Verdict:
     Attributes:
         kind: passed, missed, stopped, failed, unfinished or damaged; done where nothing was
             expected of a run that came to its end; undecided where an expectation needs what was
-            not recorded.
+            not recorded, or a log does not show whether its task ended.
         sentence: why, and when, in one sentence.
         first: the expectation that was broken first, of a run that missed some.
         stage: then.
@@ -79,6 +79,8 @@ def verdict(run: JudgedRun) -> Verdict:
     if run.faults:
         text = f"{_faults(run.faults)} {_all_else(run)}"
         return Verdict("missed", text, stage=run.faults[0].stage)
+    if status == "undecided":
+        return Verdict("undecided", f"{_broken_off(ending)} {so_far(run)}".rstrip())
     if any(each.passed is None for each in run.expectations):
         return Verdict("undecided", f"{_undecided(run)} {_reached_end(run)}")
     kind = "passed" if run.expectations else "done"
@@ -103,6 +105,8 @@ def so_far(run: JudgedRun) -> str:
     met = sum(e.passed is True for e in run.expectations)
     if run.not_judged == "" and total:
         return f"So far: {met} of {total} expectations met on the ticks that there are."
+    if status == "undecided" and total:
+        return f"So far: {met} of {total} expectations met until the log ends."
     if status not in ("stopped", "failed") or not total:
         return ""
     return f"So far: {met} of {total} expectations met until it {status}."

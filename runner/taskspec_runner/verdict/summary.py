@@ -23,7 +23,7 @@ from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.spec import Limits
 from taskspec.text.units import LENGTH, VELOCITY, show
 from taskspec_runner import exit_codes
-from taskspec_runner.loop.fixed_step import DONE, Outcome
+from taskspec_runner.loop.fixed_step import DONE, UNDECIDED, Outcome
 from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.fault_time import FaultTime
 from taskspec_runner.record.history import History
@@ -55,11 +55,11 @@ def exit_code(
         return BY_SIGNAL + by_signal
     if outcome.status == "stopped":
         return exit_codes.STOPPED
-    if outcome.status != DONE:
+    if outcome.status not in (DONE, UNDECIDED):
         return exit_codes.FAILED
     if any(j.missed for j in judged) or not all(each.allowed for each in found):
         return exit_codes.MISSED
-    undecided = any(j.passed is None for j in judged)
+    undecided = outcome.status == UNDECIDED or any(j.passed is None for j in judged)
     return exit_codes.UNDECIDED if undecided else exit_codes.WELL
 
 
