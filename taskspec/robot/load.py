@@ -198,13 +198,14 @@ def _compiled(
 ) -> tuple[KnownArm, tuple[mujoco.MjSpec, mujoco.MjModel]]:
     """The arm of a description, and MuJoCo's specification and model of it."""
     m = description.model
-    chain = find_chain(m, robot.flange, description.coupled)
-    whole_home = home_configuration(m)
+    whole = find_chain(m, robot.flange, description.coupled)
+    chain = _unlocked(whole, description)
+    whole_home = home_configuration(description)
     found = coordinates(description, chain, whole_home)
     whole_home[m.jnt_qposadr[list(chain.joints)]] = found.coupling.joints(found.home)
     base = pose_of_rpy(robot.base.xyz, robot.base.rpy)
-    arm = rebuild(m, chain, whole_home, base)
-    planar = is_planar(m, chain)
+    arm = rebuild(description, chain, whole_home, base)
+    planar = is_planar(m, chain, whole_home if description.locked else m.qpos0)
     flange = _tool_mount(chain, planar)
     tool = make_tool(robot.tool, planar)
     tip_body, tool_geoms = attach(arm.carrier, flange, tool, set(arm.body_names))
@@ -247,6 +248,7 @@ def _compiled(
         flange=chain.label,
         notes=description.notes + arm.notes + _short_of(axes, m, chain),
         remarks=(
+            *(description.locked[j].remark for j in whole.joints if j in description.locked),
             *(each.remark for each in description.unphysical if moves(m, chain, each.link)),
             *found.remarks,
             *(() if planar else remarks(m, chain, whole_home)),
@@ -265,17 +267,33 @@ def _twin(bodies: Bodies, tip: int, *, balanced: bool) -> tuple[pin.Model, int, 
     return twin, joint, placement
 
 
-def home_configuration(m: mujoco.MjModel) -> Array:
+def _unlocked(chain: Chain, description: Description) -> Chain:
+    """The chain without the joints that its file locks, which are part of the link before them."""
+    joints = tuple(j for j in chain.joints if j not in description.locked)
+    if not joints:
+        names = ", ".join(f"'{description.locked[j].name}'" for j in chain.joints)
+        raise RobotError(
+            "TS405",
+            f"every joint of the arm is locked: lower and upper limit are equal of {names}",
+            "give the joints that move their ranges",
+        )
+    return replace(chain, joints=joints)
+
+
+def home_configuration(description: Description) -> Array:
     """The configuration (nq,) of the file's keyframe `home`, of its first one, or its zero.
 
     A joint that would be out of its range there is put in the middle of it.
     """
+    m = description.model
     key = max(mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_KEY, "home"), 0)
     q = np.array(m.key_qpos[key] if m.nkey else m.qpos0)
     for j in range(m.njnt):
         lower, upper = m.jnt_range[j]
         if m.jnt_limited[j] and not lower <= q[m.jnt_qposadr[j]] <= upper:
             q[m.jnt_qposadr[j]] = (lower + upper) / 2
+    for j, locked in description.locked.items():
+        q[m.jnt_qposadr[j]] = locked.value
     return q
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from taskspec.deferred_methods import dataclass
+from taskspec.program.bound import RowFunction
 from taskspec.program.program import Program
 from taskspec.program.world import estimated_frames
 from taskspec_runner.record.history import TO_REST, History
@@ -42,8 +43,15 @@ class Poses:
 
 
 class _Earlier(NamedTuple):
-    """What replayed ticks owe to earlier ones: a tracking frame's memory, and levers of visits."""
+    """What replayed ticks owe to earlier ones.
 
+    Attributes:
+        placing: functions that have been made.
+        memory: of a tracking frame.
+        levers: of visits, by their first ticks.
+    """
+
+    placing: dict[str, RowFunction]
     memory: Memory | None = None
     levers: Mapping[int, Vector] = MappingProxyType({})
 
@@ -51,7 +59,7 @@ class _Earlier(NamedTuple):
 class _Replay(Replay):
     def begin(self, period: float, earlier: _Earlier) -> None:
         """Takes what follows from ticks that are not in the history."""
-        self._period = period
+        self._period, self._placing = period, earlier.placing
         self._resumed, self._levers = earlier.memory, dict(earlier.levers)
 
     def earlier(self, rows: NDArray[np.int64]) -> _Earlier:
@@ -65,7 +73,7 @@ class _Replay(Replay):
         levers = (
             {int(np.searchsorted(rows, last)): self._levers[last]} if last in self._levers else {}
         )
-        return _Earlier(memory, levers)
+        return _Earlier(self._placing, memory, levers)
 
     def tool(self) -> tuple[Vector, Vector]:
         """(n, 3), (n, 3, 3) the tip."""
@@ -109,7 +117,7 @@ class PoseStream:
         self._names = ("clock", "t", *joints)
         self._tracks = any(frame.tracking is not None for frame in context.frames.values())
         self._kept: History | None = None
-        self._earlier = _Earlier()
+        self._earlier = _Earlier({})
 
     def add(self, chunk: History) -> tuple[Poses, Poses, Poses]:
         """Poses at the ticks of the next chunk: the tool's tip, the task frame, the wrench's.
@@ -162,5 +170,8 @@ def _poses(p: Vector, R: Vector) -> Poses:
     turns = np.full((len(p), 4), np.nan)
     known = np.isfinite(R).all(axis=(1, 2))
     if known.any():
-        turns[known] = Rotation.from_matrix(R[known]).as_quat(canonical=True)
+        axes = R[known]
+        # Most frames do not turn.
+        axes = axes[:1] if (axes == axes[0]).all() else axes
+        turns[known] = Rotation.from_matrix(axes).as_quat(canonical=True)
     return Poses(p, turns)

@@ -61,8 +61,8 @@ class Layout:
     def columns(self, messages: NDArray[np.uint8]) -> Iterator[tuple[str, NDArray[np.float64]]]:
         """The name and the values (n,) of each field of numbers of messages (n, size)."""
         for names, start, dtype in self.numbers:
-            part = np.ascontiguousarray(messages[:, start : start + len(names) * dtype.itemsize])
-            yield from zip(names, part.view(dtype).T.astype(np.float64, order="C"), strict=True)
+            part = messages[:, start : start + len(names) * dtype.itemsize].view(dtype)
+            yield from zip(names, part.T.astype(np.float64, order="C"), strict=True)
 
     def words(
         self, messages: NDArray[np.uint8]

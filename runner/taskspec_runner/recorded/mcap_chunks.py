@@ -10,6 +10,7 @@ import io
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
+from functools import reduce
 from typing import IO, Any
 
 import numpy as np
@@ -169,7 +170,7 @@ class ChunkReader:
             key = channel.topic, channel.message_encoding, channel.schema_id
             same.setdefault(key, []).append(number)
         for numbers in same.values():
-            rows = np.flatnonzero(np.isin(channels, numbers))
+            rows = np.flatnonzero(reduce(np.logical_or, (channels == each for each in numbers)))
             channel = self._channels[numbers[0]]
             schema = self._schemas.get(channel.schema_id)
             starts = starts_of[rows] + _HEAD
@@ -182,7 +183,7 @@ class ChunkReader:
         next; what lies between them is read record by record.
         """
         entries = [np.frombuffer(each, "<u8", offset=6).reshape(-1, 2)[:, 1] for each in index]
-        known = np.unique(np.concatenate(entries)).astype(np.int64) if entries else _NONE
+        known = np.sort(np.concatenate(entries)).astype(np.int64) if entries else _NONE
         known = known[(known >= 0) & (known <= len(content) - _HEAD)]
         if len(known):
             lengths = _field(content, known + 1, "<u8")

@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property, partial
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -164,8 +165,10 @@ class _Topic:
         """Takes messages; raises whatever a damaged one lets the decoder raise."""
         first = int(found.times.min())
         self.first = min(self.first, first) if self._stamps.count or self._new else first
-        for name, rows, values in decode(found):
-            self._waiting.setdefault(name, []).append((rows + self._new, values))
+        for rows, fields in decode(found):
+            since = rows + self._new
+            for name, values in fields:
+                self._waiting.setdefault(name, []).append((since, values))
         self._waiting_stamps.append(found.times)
         self._new += len(found.times)
         if self._new >= _MESSAGES:
@@ -174,11 +177,15 @@ class _Topic:
     def finish(self) -> None:
         """Puts away what waits."""
         before, new = self._stamps.count, self._new
+        #: Fields of messages that are laid out alike are in the same messages.
+        known = dict[tuple[int, ...], tuple[NDArray[np.int64], NDArray[np.int64] | None]]()
         for name, parts in self._waiting.items():
-            rows = np.concatenate([rows for rows, _ in parts])
-            order = None if (np.diff(rows) > 0).all() else np.argsort(rows)
-            if order is not None:
-                rows = rows[order]
+            key = tuple(id(rows) for rows, _ in parts)
+            if key not in known:
+                rows = np.concatenate([rows for rows, _ in parts])
+                order = None if (np.diff(rows) > 0).all() else np.argsort(rows)
+                known[key] = rows if order is None else rows[order], order
+            rows, order = known[key]
             self._keep(name, [values for _, values in parts], order)
             having = self._rows.setdefault(name, _Grown(self._kept))
             if len(rows) == new:
@@ -275,8 +282,8 @@ def _number(text: str) -> float:
     return float(text) if text.lower() in known else math.nan
 
 
-#: Fields of messages: the name of each, the messages that it is in, and its values or texts.
-Fields = Iterator[tuple[str, NDArray[np.int64], Any]]
+#: Messages, and their fields: the name of each, and its values in these or its texts.
+Fields = Iterator[tuple[NDArray[np.int64], Iterator[tuple[str, Any]]]]
 Decoder = Callable[[ChannelMessages], Fields]
 
 
@@ -285,10 +292,8 @@ def _cdr(messages: CdrMessages) -> Decoder:
 
     def decode(found: ChannelMessages) -> Fields:
         for rows, content, layout in messages.split(found):
-            for name, values in layout.columns(content):
-                yield name, rows, values
-            for name, texts, codes in layout.words(content):
-                yield name, rows, Texts(texts, codes)
+            words = ((name, Texts(texts, codes)) for name, texts, codes in layout.words(content))
+            yield rows, chain(layout.columns(content), words)
 
     return decode
 
@@ -308,9 +313,9 @@ def _json(found: ChannelMessages) -> Fields:
             rows.append(row)
             values.append(value)
     for name, (rows, values) in numbers.items():
-        yield name, np.array(rows), np.array(values, dtype=np.float64)
+        yield np.array(rows), iter([(name, np.array(values, dtype=np.float64))])
     for name, (rows, words) in texts.items():
-        yield name, np.array(rows), Texts.of(words)
+        yield np.array(rows), iter([(name, Texts.of(words))])
 
 
 def _leaves(value: Any, path: str, into: dict[str, Any]) -> None:

@@ -33,6 +33,9 @@ from taskspec_runner.record.history import History, Visit
 
 Vector = NDArray[np.float64]
 
+#: Under which the tip stands among frames, of which none is called so.
+_TIP = ""
+
 
 class Replay:
     """Tool poses of every tick, and signals resolved in any nominal frame.
@@ -58,7 +61,9 @@ class Replay:
         self._stages = {stage.name: stage for stage in stages}
         self._visits = tuple(history.visits())
         self._firsts = [visit.first for visit in self._visits]
-        self._placing: dict[str, tuple[RowFunction, _Faces]] = {}
+        self._faces_of: dict[str, _Faces] = {}
+        #: Of each frame what places it, and what places the tip.
+        self._placing: dict[str, RowFunction] = {}
         self._twists: dict[str, RowFunction] = {}
         self._levers: dict[int, Vector] = {}
         #: Memory of tracking frames at the last tick; and that from ticks which are not there.
@@ -311,9 +316,9 @@ class Replay:
     def _tip(self) -> Vector:
         """(n, 12) place of the tip and its axes, by columns."""
         n, columns = self._robot.n, self._history.columns
-        q = ca.SX.sym("q", n)
-        p, R = rigid_body(self._robot).tip(q)
-        mapped = RowFunction(ca.Function("tip", [q], [ca.densify(ca.vertcat(p, ca.vec(R)))]))
+        if _TIP not in self._placing:
+            self._placing[_TIP] = RowFunction(_tip(self._robot))
+        mapped = self._placing[_TIP]
 
         def part(rows: slice) -> Vector:
             joints = [columns[f"joint.{i + 1}.position"][rows] for i in range(n)]
@@ -328,11 +333,13 @@ class Replay:
 
     def _placed_rows(self, frame: FrameModel, rows: slice) -> tuple[Vector, ...]:
         """(k, 3), (k, 9) origin and axes of a frame: in the world, and against what carries it."""
+        if frame.name not in self._faces_of:
+            self._faces_of[frame.name] = self._faces(frame)
+        faces = self._faces_of[frame.name]
         if frame.name not in self._placing:
-            base, faces = self._bases.get(frame.base_name), self._faces(frame)
-            placed = _placed(self._robot, frame, base, faces.size)
-            self._placing[frame.name] = RowFunction(placed), faces
-        function, faces = self._placing[frame.name]
+            base = self._bases.get(frame.base_name)
+            self._placing[frame.name] = RowFunction(_placed(self._robot, frame, base, faces.size))
+        function = self._placing[frame.name]
         arguments = (*self._tip_rows(rows), self._clock(rows))
         return function(*arguments, *((faces.at(rows),) if faces.size else ()))
 
@@ -488,6 +495,13 @@ def _matrix(name: str) -> tuple[ca.SX, ca.SX]:
     """A (9,) symbol, and the (3, 3) matrix that it holds by columns."""
     symbol = ca.SX.sym(name, 9)
     return symbol, ca.reshape(symbol, 3, 3)
+
+
+def _tip(robot: RobotModel) -> ca.Function:
+    """Joint positions (n,) -> place of the tip and its axes, by columns (12,)."""
+    q = ca.SX.sym("q", robot.n)
+    p, R = rigid_body(robot).tip(q)
+    return ca.Function("tip", [q], [ca.densify(ca.vertcat(p, ca.vec(R)))])
 
 
 def _placed(
