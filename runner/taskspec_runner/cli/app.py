@@ -132,13 +132,16 @@ def validate(
         typer.Option(metavar="CODES", help="Leave these out, such as TS304 or TS3; as --select."),
     ] = None,
     no_cache: options.NoCache = False,
+    sarif: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the findings there as SARIF too.")
+    ] = None,
 ) -> int:
     """Find what is wrong with task files: by rules, and by a trial of each."""
     from taskspec_runner.cli.validate import validate_paths
 
     only, but = select or (), ignore or ()
     return validate_paths(
-        paths, form, how, strict=strict, select=only, ignore=but, keeps=not no_cache
+        paths, form, how, strict=strict, select=only, ignore=but, keeps=not no_cache, sarif=sarif
     )
 
 
