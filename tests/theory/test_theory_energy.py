@@ -1,7 +1,7 @@
 """The chapter's Lyapunov functions along runs: they fall, and as fast as the proofs have it.
 
-The log has the state at the start of each tick. Rates are integrated by the trapezoidal rule; the
-torque is held over 1 ms, which is a damper of K_m T/2 = 0.25 N s/m too few beside 20 N s/m and more.
+The log has the state at the start of each tick; rates are integrated by the trapezoidal rule. The
+torque is held over 1 ms: a damper of K_m T/2 = 0.25 N s/m too few, beside 20 N s/m and more.
 """
 
 from __future__ import annotations
