@@ -9,13 +9,15 @@ _BLOCK = re.compile(r"<pre>(?P<before>(?:<span></span>)?)<code>(?P<code>.*?)</co
 _TABLE = re.compile(r"<table>.*?</table>", re.S)
 _HEAD, _ROW = re.compile(r"<th\b[^>]*>(.*?)</th>", re.S), re.compile(r"<tr>.*?</tr>", re.S)
 _CELL = re.compile(r"<td\b")
+_LINKED_NAME = re.compile(r"(?<=<code>)[\w.]+(?=</code></a>)")
 _TAG = re.compile(r"<[^>]+>")
 
 
 def fitted(content: str) -> str:
     """The content of a page; blocks say how many columns they have, cells what stands above them.
 
-    Letters of a block shrink a little before its lines are broken. On a phone a row is a card.
+    Letters of a block shrink a little before its lines are broken. On a phone a row is a card. In
+    tables, names that are links may be broken after underscores.
     """
     return _TABLE.sub(_with_heads, _BLOCK.sub(_with_columns, content))
 
@@ -29,7 +31,8 @@ def _with_heads(table: re.Match[str]) -> str:
         left = iter(heads)
         return _CELL.sub(lambda _: f'<td data-head="{next(left, "")}"', found[0])
 
-    return _ROW.sub(row, table[0])
+    broken = _LINKED_NAME.sub(lambda name: name[0].replace("_", "_<wbr>"), table[0])
+    return _ROW.sub(row, broken)
 
 
 def _with_columns(block: re.Match[str]) -> str:
