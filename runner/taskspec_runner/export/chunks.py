@@ -65,11 +65,11 @@ class ChunkedFile:
         self._schemas, self._channels = list[Any](), list[Any]()
         self._chunks, self._attachments, self._metadata = list[Any](), list[Any](), list[Any]()
         self._messages: Counter[int] = Counter()
-        self._packer = ThreadPoolExecutor(1)
-        self._packing: tuple[Future[Any], dict[int, NDArray[np.uint64]]] | None = None
-        #: Bytes of the messages that wait, and of those that are packed.
-        self._rooms = [np.empty(_CHUNK, dtype=np.uint8) for _ in range(2)]
-        self._size = 0
+        #: Lays out, packs and writes messages, one call after the other.
+        self._worker = ThreadPoolExecutor(1)
+        self._working: Future[None] | None = None
+        #: Bytes of the messages that wait for their chunk.
+        self._room, self._size = np.empty(_CHUNK, dtype=np.uint8), 0
         #: Times [ns] and places in the chunk of the messages that wait, by channel.
         self._index: dict[int, list[NDArray[np.uint64]]] = {}
         self._put(MAGIC)
@@ -101,10 +101,24 @@ class ChunkedFile:
     def add(self, times: NDArray[np.int64], columns: Sequence[Column]) -> None:
         """Takes messages tick by tick: of each the columns in order.
 
+        They are written by a thread of their own, and are not to be changed any more.
+
         Args:
             times: (n,) of the ticks [ns].
             columns: of n messages each.
         """
+        working = self._worker.submit(self._lay_out, times, columns)
+        self._settle()
+        self._working = working
+
+    def _settle(self) -> None:
+        """Waits for what was taken before; raises what it raised."""
+        if self._working is not None:
+            self._working.result()
+            self._working = None
+
+    def _lay_out(self, times: NDArray[np.int64], columns: Sequence[Column]) -> None:
+        """Puts messages into chunks."""
         templates = [column.layout.template for column in columns]
         heads = [
             _HEAD.pack(_MESSAGE, _HEAD.size - 9 + len(template), column.channel, 0, 0, 0)
@@ -116,7 +130,7 @@ class ChunkedFile:
         for first in range(0, len(times), step):
             rows = slice(first, first + step)
             now = times[rows].astype("<u8")
-            made = self._room(len(now), len(tick))
+            made = self._place(len(now), len(tick))
             made[:] = tick
             starts = self._size + len(tick) * np.arange(len(now), dtype=np.uint64)
             at = 0
@@ -131,13 +145,13 @@ class ChunkedFile:
                 at += len(template)
             self._size += made.size
 
-    def _room(self, rows: int, size: int) -> Bytes:
+    def _place(self, rows: int, size: int) -> Bytes:
         """(rows, size) bytes of the chunk that waits, or of a new one if they do not fit in it."""
-        if self._size + rows * size > len(self._rooms[0]):
+        if self._size + rows * size > len(self._room):
             self._chunk()
-            if rows * size > len(self._rooms[0]):
-                self._rooms[0] = np.empty(rows * size, dtype=np.uint8)
-        return self._rooms[0][self._size : self._size + rows * size].reshape(rows, size)
+            if rows * size > len(self._room):
+                self._room = np.empty(rows * size, dtype=np.uint8)
+        return self._room[self._size : self._size + rows * size].reshape(rows, size)
 
     def attach(self, name: str, kind: str, content: bytes) -> None:
         """Writes a file within the file."""
@@ -156,7 +170,7 @@ class ChunkedFile:
     def finish(self) -> None:
         """Writes what stands at the end: all that finds a message without reading the others."""
         self._chunks_end()
-        self._packer.shutdown()
+        self._worker.shutdown()
         records = self._records
         self._write(records.DataEnd(self._crc))
         start, self._crc = self._at, 0
@@ -192,27 +206,17 @@ class ChunkedFile:
 
     def _chunks_end(self) -> None:
         """Writes all messages so far."""
+        self._settle()
         self._chunk()
-        self._put_chunk()
 
     def _chunk(self) -> None:
-        """Has the messages that wait packed, by a thread of its own, once those before are written.
-
-        Two thirds of the time go to the compression, which holds no lock.
-        """
-        if self._size:
-            content = self._rooms[0][: self._size].data
-            index = {channel: np.concatenate(parts) for channel, parts in self._index.items()}
-            packing = self._packer.submit(self._packed, content, index)
-            # Now the other one is free.
-            self._put_chunk()
-            self._packing = packing, index
-            self._rooms.reverse()
-            self._size, self._index = 0, {}
-
-    def _packed(self, content: memoryview, index: Mapping[int, NDArray[np.uint64]]) -> Any:
-        """The chunk of some messages."""
-        return self._records.Chunk(
+        """Writes the messages that wait, and where each of them is."""
+        if not self._size:
+            return
+        content = self._room[: self._size].data
+        index = {channel: np.concatenate(parts) for channel, parts in self._index.items()}
+        self._size, self._index = 0, {}
+        chunk = self._records.Chunk(
             compression="zstd",
             data=self._compress(content),
             message_start_time=min(int(entries[:, 0].min()) for entries in index.values()),
@@ -220,13 +224,6 @@ class ChunkedFile:
             uncompressed_crc=zlib.crc32(content),
             uncompressed_size=len(content),
         )
-
-    def _put_chunk(self) -> None:
-        """Writes the chunk that is packed, if any, and where each of its messages is."""
-        if self._packing is None:
-            return
-        (packing, index), self._packing = self._packing, None
-        chunk = packing.result()
         at, length = self._write(chunk)
         after, offsets = self._at, {}
         for channel, entries in index.items():
