@@ -5,6 +5,7 @@ A corruption is its number: the same number spoils the same folder in the same w
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import random
@@ -23,6 +24,7 @@ from typer.testing import CliRunner
 import taskspec_runner
 from taskspec_runner.cli import app
 from taskspec_runner.cli.guard import guarded
+from taskspec_runner.record.manifest import seal
 from taskspec_runner.runs import Run
 
 _RUN = ("log.arrow", "summary.json", "manifest.json", "task.yaml", "log.block")
@@ -67,9 +69,9 @@ class Subject:
 
 #: Seconds after which a command hangs.
 PATIENCE = 60
-#: What a reader may answer: all is well, the run is damaged or missed, it cannot be read, it failed
-#: where what is left of its log ends.
-ANSWERS = (0, 1, 2, 6)
+#: What a reader may answer: all is well, the run is damaged or missed, it cannot be read, it was
+#: stopped, nobody knows, it failed where what is left of its log ends.
+ANSWERS = (0, 1, 2, 4, 5, 6)
 
 
 class HangError(BaseException):
@@ -198,6 +200,32 @@ def _length(value: object) -> int:
     return len(value) if isinstance(value, list) else 0
 
 
+def _sealed(folder: Path, name: str, dice: random.Random) -> bool:
+    """Another value in a JSON file, and all checksums anew; whether there is something to seal."""
+    path = folder / name
+    manifest = path.parent / "manifest.json"
+    path.write_bytes(_json(path.read_bytes(), dice))
+    if name.endswith("sweep.json"):
+        # What it says of itself has no checksum.
+        return True
+    try:
+        if path.name in ("summary.json", "compare.json", "manifest.json"):
+            said = json.loads((path if path.name == "compare.json" else manifest).read_bytes())
+            if path.name == "summary.json":
+                said["sha256"]["summary.json"] = hashlib.sha256(path.read_bytes()).hexdigest()
+            said["seal"] = seal(said)
+            target = path if path.name == "compare.json" else manifest
+            target.write_text(json.dumps(said), encoding="utf-8")
+    except (ValueError, TypeError, LookupError):
+        # What was exchanged is the seal's own place.
+        return False
+    return True
+
+
+#: What is altered together with all that holds it to be as it was.
+SEALED = "a value exchanged, sealed anew"
+#: Files that have a seal, or none.
+_SEALABLE = ("summary.json", "manifest.json", "compare.json", "sweep.json")
 BYTES: dict[str, Callable[[bytes, random.Random], bytes]] = {
     "bits flipped": _flip,
     "cut short": _cut,
@@ -247,7 +275,7 @@ PLACES: dict[str, Callable[[Path], None]] = {
     "8 GiB of holes behind it": _huge,
 }
 #: Corruptions of bytes are more often, as there are more of them.
-_WEIGHTS = {**dict.fromkeys(BYTES, 6), "bits flipped": 24, **dict.fromkeys(PLACES, 1)}
+_WEIGHTS = {**dict.fromkeys(BYTES, 6), "bits flipped": 24, **dict.fromkeys(PLACES, 1), SEALED: 12}
 
 
 def spoil(folder: Path, number: int, names: tuple[str, ...] = _RUN) -> Spoiled:
@@ -255,8 +283,13 @@ def spoil(folder: Path, number: int, names: tuple[str, ...] = _RUN) -> Spoiled:
     dice = random.Random(number)
     names = tuple(name for name in names if (folder / name).is_file())
     name = dice.choice([*names, names[0]])
-    kinds = [*BYTES, *PLACES]
+    sealable = [each for each in names if Path(each).name in _SEALABLE]
+    kinds = [*BYTES, *PLACES, *([SEALED] if sealable else [])]
     kind = dice.choices(kinds, [_WEIGHTS[each] for each in kinds])[0]
+    if kind == SEALED:
+        name = dice.choice(sealable)
+        _sealed(folder, name, dice)
+        return Spoiled(number, kind, name, same=False)
     path = folder / name
     if kind in PLACES:
         PLACES[kind](path)
@@ -313,7 +346,9 @@ def answer(folders: Path, work: Path, number: int) -> Answer:
     try:
         with _watched(PATIENCE), _drawing(on=command[0] == "replay"):
             result = CliRunner().invoke(READERS, list(command))
-            true = result.exit_code != 0 or subject.same(run, source)
+            # Who seals all anew is found out by `judge` as far as the log goes, and else by nobody.
+            told = result.exit_code != 0 or spoiled.kind == SEALED
+            true = told or subject.same(run, source)
     except HangError:
         return Answer(spoiled, command, -1, "hangs")
     finally:

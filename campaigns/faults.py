@@ -37,7 +37,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "runner"))
 
 import numpy as np
-from corruptions import BYTES, PLACES, Answer, answer
+from corruptions import BYTES, PLACES, SEALED, Answer, answer
 from short_tasks import TAP
 from typer.testing import CliRunner
 
@@ -339,7 +339,7 @@ def corruptions(number: int, work: Path, first: int, processes: int) -> list[Tal
 
 def _place(what: str) -> tuple[int, str]:
     """Kinds of corruptions as they are listed, then commands."""
-    kinds = [*BYTES, *PLACES]
+    kinds = [*BYTES, SEALED, *PLACES]
     return (kinds.index(what), "") if what in kinds else (len(kinds), what)
 
 

@@ -15,10 +15,11 @@ from taskspec.spec import FILE
 def missing_kept_forces(stage: StagePlan) -> Iterator[Finding]:
     """Axes with `hold: force` after a stage without a force there, in another frame, or first."""
     task = stage.context.loaded.task
-    earlier = before(task, stage.name)
-    for axis, entry in stage.spec.axes.items():
-        if entry.set_point is None or not entry.set_point.kept:
-            continue
+    kept = [
+        axis for axis, each in stage.spec.axes.items() if each.set_point and each.set_point.kept
+    ]
+    earlier = before(task, stage.name) if kept else []
+    for axis in kept:
         place = FILE.stages[stage.name].axes[axis].hold
         effort = "moment" if axis.is_rotation else "force"
         hint = f"give {axis!r} a {axis.effort} of its own"

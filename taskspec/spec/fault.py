@@ -375,12 +375,15 @@ class Fault(_Lasting):
 
     def report_unfit(self, data: Map, context: ParseContext) -> None:
         """Reports a quantity that is none of the channels': a force about an axis."""
-        named = data.get("axis")
-        fitting = _fitting(self.effect) if named is not None and self.device == SENSOR else ()
-        for entry in named if isinstance(named, Items) else [named] if fitting else []:
-            if Axis(str(entry)).row not in fitting:
+        named, effect = data.get("axis"), getattr(self, SENSOR)
+        # An effect that is not one, or an axis that is none, has been reported.
+        if named is None or not isinstance(effect, Effect):
+            return
+        fitting = _fitting(effect)
+        for entry in named if isinstance(named, Items) else [named]:
+            if str(entry) in AXES and Axis(str(entry)).row not in fitting:
                 right = ", ".join(axis for axis in AXES if axis.row in fitting)
-                size = self.effect.text.partition(" ")[2].strip()
+                size = effect.text.partition(" ")[2].strip()
                 message = f"'{entry}' of the sensor does not measure {size}"
                 context.error("TS713", message, span_of(entry), f"axes that do: {right}")
 

@@ -30,6 +30,17 @@ def normal(text: str) -> str:
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
 
 
+def escaped(text: str) -> str:
+    r"""A text from elsewhere as it may be printed: what is no printable character is written out.
+
+    Line ends, bells, the beginnings of a terminal's commands and halves of surrogate pairs become
+    what Python writes for them, such as \n, \x1b and \ud800.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 def readable(text: str, diagnostics: Diagnostics) -> str | None:
     """Reports forbidden characters and tabs; returns the text with spaces in their places.
 

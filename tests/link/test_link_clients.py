@@ -139,7 +139,7 @@ def test_controller_that_stops_ends_the_run(tmp_path: Path) -> None:
         robot.stop("I have seen\x1b[2J enough")
         run = serving.run
     assert run.summary["ending"]["reason"] == "controller_stopped"
-    assert "I have seen [2J enough" in run.reason
+    assert r"I have seen\x1b[2J enough" in run.reason
     assert len(run) == 10
     assert_at_rest(run)
 

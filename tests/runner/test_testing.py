@@ -257,11 +257,11 @@ def test_copies_in_folders_of_results_are_no_tests(tasks: Path, marker: str) -> 
     (results / marker).write_text("{}")
     (results / "task.yaml").write_text(TAP)
     (results.parent / "own.yaml").write_text(TAP)
-    files = [path.relative_to(tasks).as_posix() for path in task_files([tasks])]
+    files = [path.relative_to(tasks).as_posix() for path in task_files([tasks]).files]
     assert "runs/own.yaml" in files
     assert "runs/press/task.yaml" not in files
     done = collected(tasks, "--collect-only", "-q", "--taskspec", "tasks/runs")
     assert "own.yaml" in done.stdout
     assert "task.yaml" not in done.stdout
     # Who names such a file means it.
-    assert list(task_files([results / "task.yaml"])) == [results / "task.yaml"]
+    assert task_files([results / "task.yaml"]).files == [results / "task.yaml"]

@@ -132,13 +132,16 @@ def validate(
         typer.Option(metavar="CODES", help="Leave these out, such as TS304 or TS3; as --select."),
     ] = None,
     no_cache: options.NoCache = False,
+    sarif: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the findings there as SARIF too.")
+    ] = None,
 ) -> int:
     """Find what is wrong with task files: by rules, and by a trial of each."""
     from taskspec_runner.cli.validate import validate_paths
 
     only, but = select or (), ignore or ()
     return validate_paths(
-        paths, form, how, strict=strict, select=only, ignore=but, keeps=not no_cache
+        paths, form, how, strict=strict, select=only, ignore=but, keeps=not no_cache, sarif=sarif
     )
 
 
@@ -176,11 +179,15 @@ def explain(
     static: Annotated[
         bool, typer.Option("--static", help="Leave out the trial: what the plan tells alone.")
     ] = False,
+    terms: Annotated[
+        bool,
+        typer.Option("--terms", help="Show inertia, gravity and Coriolis terms at the tool."),
+    ] = False,
 ) -> int:
     """Say what a task makes of itself and comes to in a trial; or what a code means."""
     from taskspec_runner.cli.explain import explain_what
 
-    return explain_what(what, given.sets, given.law, form, static=static)
+    return explain_what(what, given.sets, given.law, form, static=static, terms=terms)
 
 
 @_command

@@ -19,6 +19,7 @@ from typing import ParamSpec
 
 import typer
 
+from taskspec.text.characters import escaped
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.diagnostics import show_diagnostics
 from taskspec_runner.errors import InputError, OutputError, RunCrashedError
@@ -93,7 +94,7 @@ def lost(error: OSError) -> int:
 def _say(text: str) -> None:
     # A terminal that has hung up takes no message, and the exit code still counts.
     with contextlib.suppress(OSError):
-        typer.echo(f"taskspec: {text}", err=True)
+        typer.echo(f"taskspec: {chr(10).join(map(escaped, text.splitlines()))}", err=True)
 
 
 def keep_trace(error: BaseException) -> Path:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import typer
+
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.cli.options import PlantOptions
 from taskspec_runner.errors import InputError
@@ -59,6 +61,12 @@ class Listening:
             served.free_running, served.stop_after, served.wait, served.answer
         )
         server = link.PlantServer(self.endpoint())
+        if not server.endpoint.loopback:
+            typer.echo(
+                f"taskspec: --open: whoever reaches {server.endpoint.text} over the network, "
+                "without a password, may drive the simulated plant, and end its run",
+                err=True,
+            )
         if say is not None:
             say(f"{program.context.loaded.task.name}: listening at {server.endpoint.text}")
         try:

@@ -16,12 +16,12 @@ from taskspec_runner.cli.formats import OutcomeFormat
 from taskspec_runner.cli.given import STDIN, changes
 from taskspec_runner.cli.options import ChoiceOptions, ReportOptions, SeededOptions
 from taskspec_runner.cli.parallel import in_order, processors
+from taskspec_runner.cli.task_files import task_files
 from taskspec_runner.cli.testing import github, junit
 from taskspec_runner.cli.testing.execution import Manner, try_file
 from taskspec_runner.cli.testing.last import LastOutcomes
 from taskspec_runner.cli.testing.outcome import FileOutcome
 from taskspec_runner.cli.testing.selection import chosen_by
-from taskspec_runner.cli.validate import task_files
 from taskspec_runner.errors import InputError
 from taskspec_runner.exit_codes import INTERNAL, MISSED, WELL, WRONG
 from taskspec_runner.loop.interrupt import Termination
@@ -56,7 +56,10 @@ def run_tests(
     if telling.junit is not None:
         check_target(telling.junit)
     last = LastOutcomes(telling.out)
-    files = _chosen(list(task_files(paths)), selection, last)
+    listed = task_files(paths)
+    for folder in listed.unread:
+        typer.echo(f"taskspec: cannot read {folder}; nothing in it was tested", err=True)
+    files = _chosen(listed.files, selection, last)
     manner = Manner(
         _folders(files, telling.out), tuple(given.sets), given.law, given.seed, telling.keep
     )

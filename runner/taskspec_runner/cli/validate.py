@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -16,22 +16,21 @@ from taskspec.text.diagnostic import Diagnostic, Note, SpecError
 from taskspec.text.source import Source
 from taskspec_runner.cli.codes import choice
 from taskspec_runner.cli.formats import DiagnosticFormat
-from taskspec_runner.cli.given import OPTIONS, STDIN, changes
+from taskspec_runner.cli.given import OPTIONS, changes
 from taskspec_runner.cli.guard import keep_trace
 from taskspec_runner.cli.kept import Before
 from taskspec_runner.cli.options import ValidateOptions
 from taskspec_runner.cli.parallel import in_order
 from taskspec_runner.cli.reporters import REPORTERS
+from taskspec_runner.cli.task_files import task_files
 from taskspec_runner.cli.validation import Failure, Validation
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
-from taskspec_runner.record.names import has_results
 
 if TYPE_CHECKING:
     from taskspec.examined import Examination
     from taskspec.spec import LoadedTask
 
-_SUFFIXES = (".yaml", ".yml")
 #: Without these a file is read, but nothing that needs a robot can be checked.
 _NUMERICAL = ("mujoco", "pinocchio", "casadi", "numpy", "scipy")
 #: Without this all but the trial can be done.
@@ -50,6 +49,7 @@ def validate_paths(
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
     keeps: bool = True,
+    sarif: Path | None = None,
 ) -> int:
     """Validates files and folders and says what was found.
 
@@ -61,15 +61,29 @@ def validate_paths(
         ignore: prefixes of codes that do not count.
         how: they are examined.
         keeps: whether what was found before is taken where nothing has changed since.
+        sarif: a file that is to have the findings as SARIF too.
 
     Raises:
+        OutputError: that file cannot be written.
         InputError: no code begins with one of the prefixes, a folder has no task file, or an
             override is not one.
     """
     chosen = choice(select, ignore)
     changes(how.sets, how.law)
-    files = list(task_files(paths))
-    found = examine(files, how, strict=strict, keeps=keeps).only(chosen)
+    if sarif is not None:
+        from taskspec_runner.record.folder import check_target
+
+        check_target(sarif)
+    listed = task_files(paths)
+    found = examine(listed.files, how, strict=strict, keeps=keeps).only(chosen)
+    found = replace(found, unread=tuple(listed.unread))
+    if sarif is not None:
+        from taskspec_runner.record.whole import whole
+
+        with whole(sarif) as partial:
+            partial.write_text(f"{REPORTERS[DiagnosticFormat.SARIF].report(found)}\n", "utf-8")
+    for folder in found.unread:
+        typer.echo(f"taskspec: cannot read {folder}; nothing in it was validated", err=True)
     for failure in found.unreadable:
         typer.echo(f"taskspec: {failure.message}", err=True)
     for failure in found.broken:
@@ -84,44 +98,6 @@ def validate_paths(
         typer.echo(line, err=reporter.for_programs)
     typer.echo(found.headline, err=reporter.for_programs)
     return found.exit_code
-
-
-def task_files(paths: Sequence[Path]) -> Iterator[Path]:
-    """The files among the paths, and the YAML files below the folders among them, each once.
-
-    Hidden folders are passed over, and so are those of runs, comparisons and sweeps: what they
-    hold is a copy.
-
-    Raises:
-        InputError: a folder has none, or cannot be listed, or standard input is not alone.
-    """
-    if STDIN in paths and len(paths) > 1:
-        raise InputError("'-' stands for standard input, and for nothing beside it")
-    resolved: set[Path] = set()
-    for path in paths:
-        found = list(_below(path)) if path.is_dir() else [path]
-        if not found:
-            raise InputError(f"there is no task file in {path}")
-        for file in found:
-            if file.resolve() not in resolved:
-                resolved.add(file.resolve())
-                yield file
-
-
-def _below(folder: Path) -> Iterator[Path]:
-    if has_results(folder):
-        return
-    try:
-        entries = sorted(folder.iterdir())
-    except OSError as error:
-        raise InputError(f"cannot read {folder}: {error.strerror or error}") from error
-    for entry in entries:
-        if entry.name.startswith("."):
-            continue
-        if entry.is_dir():
-            yield from _below(entry)
-        elif entry.suffix in _SUFFIXES:
-            yield entry
 
 
 def examine(
@@ -270,18 +246,18 @@ def _examine(path: Path, how: ValidateOptions, *, keeps: bool) -> _Found:
 
 def _checked(loaded: LoadedTask, how: ValidateOptions) -> tuple[Examination, str]:
     """An examined task, and why its trial was left out; empty where it was not."""
-    from taskspec.examination import examine
+    from taskspec.examination import ExaminationBounds, examine
 
     if how.static:
         # Rules need no simulator where the robot is known.
-        examined = examine(loaded)
+        examined = examine(loaded, bounds=ExaminationBounds())
     else:
         try:
             from taskspec_runner.trial.check import check
         except ImportError as error:
             if (error.name or "").partition(".")[0] != _SIMULATOR:
                 raise
-            return examine(loaded), (
+            return examine(loaded, bounds=ExaminationBounds()), (
                 f"{_SIMULATOR} cannot be imported ({error}), so nothing was tried: what a run "
                 "comes to was not checked"
             )

@@ -36,6 +36,7 @@ class Validation:
         broken: files at which the validation itself failed.
         strict: whether warnings count as errors, and what could not be checked too.
         unchecked: what could not be checked here, and why; empty where all was.
+        unread: folders below the named ones that could not be listed, each with why.
         worlds: what is otherwise in the worlds that were examined, a line each.
     """
 
@@ -47,6 +48,7 @@ class Validation:
     strict: bool = False
     unchecked: str = ""
     worlds: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
 
     def only(self, chosen: Callable[[str], bool]) -> Validation:
         """The same with the diagnostics whose codes are chosen."""
@@ -71,7 +73,7 @@ class Validation:
         if self.broken:
             return INTERNAL
         fails = any(self.fails(d) for found in self.diagnostics.values() for d in found)
-        wrong = fails or self.unreadable or (self.strict and self.unchecked)
+        wrong = fails or self.unreadable or (self.strict and (self.unchecked or self.unread))
         return WRONG if wrong else WELL
 
     @property
@@ -96,7 +98,7 @@ class Validation:
             text += f", {len(self.unreadable)} unreadable"
         if self.broken:
             text += f", {len(self.broken)} not validated for an internal error"
-        return f"{text}; not all was checked" if self.unchecked else text
+        return f"{text}; not all was checked" if self.unchecked or self.unread else text
 
 
 def _plural(number: int, what: str) -> str:

@@ -30,8 +30,10 @@ STOP_AFTER = 20
 #: A sample is that of a tick if its stamp is nearer than this [periods]. Between a half and one, so
 #: that a clock that drifts loses one sample in a while, and not many about the half.
 _STAMP_TOLERANCE = 0.75
-#: Samples in a row that bring nothing new before a robot is given up.
-_USELESS = 1000
+#: Samples in a row that bring nothing new before a robot is given up, and for how long [s].
+_USELESS, _USELESS_FOR = 1000, 2.0
+#: Periods that a robot's clock may go on by at once: what is beyond is no clock.
+_FARTHEST = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,8 +137,14 @@ class RobotPlant:
 
     def _next(self) -> tuple[Sample, int]:
         """The next sample that is a tick, and how many were lost before it."""
-        for _ in range(_USELESS):
+        began = math.inf
+        for number in range(_USELESS):
             sample = self._robot.read()
+            now = time.monotonic()
+            # A robot that waits for an answer may have been waited for: from the second one on.
+            began = now if number == 0 else began
+            if now - began > _USELESS_FOR:
+                break
             if self._begin is None:
                 self._begin = sample.stamp
             if sample.stamp == self._stamp:
@@ -146,6 +154,9 @@ class RobotPlant:
                 self.reordered += 1
                 continue
             ahead = (sample.stamp - self._begin) / self._period - self._due
+            if not ahead < _FARTHEST:
+                text = f"the robot's clock goes from {self._stamp:.6g} s to {sample.stamp:.6g} s"
+                raise LinkError("bad_stamp", f"{text} at once, which is no time of a run")
             if ahead <= -_STAMP_TOLERANCE:
                 self.early += 1
                 continue
@@ -157,8 +168,8 @@ class RobotPlant:
                 self._delay = delay
                 self.late += self._late_now > self._period
             return sample, lost
-        text = f"{_USELESS} samples in a row are no later than the last one"
-        raise LinkError("no_new_sample", f"{text}; the robot's clock stands")
+        text = f"{number} samples in a row are no later than the last one"
+        raise LinkError("no_new_sample", f"{text}; the robot's clock stands or runs back")
 
     def _take(self, sample: Sample) -> None:
         machine = self._machine

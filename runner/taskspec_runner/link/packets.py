@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.text.characters import escaped
+from taskspec_runner.record.folder import parse_json
 
 Vector = NDArray[np.float64]
 
@@ -211,12 +213,12 @@ def read_json_body(body: bytes) -> dict[str, Any]:
         PacketError: it is no JSON object.
     """
     try:
-        said = json.loads(body.decode())
+        said = parse_json(body)
     except (ValueError, RecursionError) as error:
-        raise PacketError("it holds no JSON") from error
-    if not isinstance(said, dict):
+        raise PacketError(f"it holds no JSON ({escaped(str(error))})") from error
+    if not said and body.strip()[:1] != b"{":
         raise PacketError("it holds no JSON object")
-    return said
+    return dict(said)
 
 
 def stop_body(text: str) -> bytes:
@@ -226,5 +228,5 @@ def stop_body(text: str) -> bytes:
 
 def read_stop(body: bytes) -> str:
     """Why somebody stops, in one line that can be printed."""
-    text = body[:LONGEST_TEXT].decode("utf-8", "replace")
-    return "".join(c if c.isprintable() else " " for c in text).strip() or "no reason was given"
+    text = body[:LONGEST_TEXT].decode("utf-8", "replace").strip()
+    return escaped(text) or "no reason was given"

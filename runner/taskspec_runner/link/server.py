@@ -12,7 +12,7 @@ import math
 import secrets
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.ports import fields
 from taskspec.program.program import Program
 from taskspec.program.worlds import World
+from taskspec.text.characters import escaped
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
 from taskspec_runner.errors import InputError, LinkError
 from taskspec_runner.link import packets
@@ -45,6 +46,8 @@ _FAREWELL = 0.3
 STOP_AFTER = 20
 #: How long a controller is waited for at first, and an answer in lock-step [s].
 WAIT, ANSWER = 600.0, 2.0
+#: Who may have said hello before one of them commands.
+_MOST_CANDIDATES = 8
 #: How long the answer to the start may take [s].
 _READY = 30.0
 #: What a state has beside what is measured: of the arm's model, then of the machine's outputs.
@@ -110,12 +113,21 @@ class PlantServer:
             ) from error
         self.endpoint = Endpoint(endpoint.host, int(self._socket.getsockname()[1]))
         self.client, self.rejected = "", 0
+        #: Who drives it, once a command has come; who has said hello before, with what they are.
         self._peer: Peer | None = None
+        self._candidates: dict[Peer, tuple[str, float]] = {}
+        self._until = 0.0
+        self._say: Callable[[str], None] = _unsaid
         self._session, self._welcome = 0, b""
 
     def close(self) -> None:
         """Gives the socket back."""
         self._socket.close()
+
+    @property
+    def client_came(self) -> bool:
+        """Whether a controller has commanded something."""
+        return self._peer is not None
 
     @property
     def closed(self) -> bool:
@@ -140,11 +152,30 @@ class PlantServer:
         self._welcome = Packet(packets.WELCOME, self._session, 0, 0.0, body).to_bytes()
         if len(self._welcome) > packets.LONGEST:
             raise InputError("the task has too many names for a welcome of 16384 bytes")
+        self._until, self._say = time.monotonic() + patience, say or _unsaid
+        if not self.wait_again():
+            raise InputError(
+                f"no controller has said hello at {self.endpoint.text} in {patience:g} s; start "
+                f"one, such as 'taskspec run FILE --on {self.endpoint.text}', or wait longer with "
+                "--wait"
+            )
+
+    def wait_again(self) -> bool:
+        """Waits for a hello, also after one that no command followed, and welcomes its sender.
+
+        Returns:
+            Whether there was one before the patience of `wait` was over.
+        """
+        fresh = time.monotonic() - _READY / 2
+        self._candidates = {p: each for p, each in self._candidates.items() if each[1] > fresh}
+        if self._candidates:
+            return True
         began, reported = time.monotonic(), 0.0
-        while (waited := time.monotonic() - began) < patience:
-            if say is not None and waited >= reported + 5:
+        while time.monotonic() < self._until:
+            waited = time.monotonic() - began
+            if waited >= reported + 5:
                 reported = waited
-                say(f"waiting for a controller at {self.endpoint.text}: {waited:.0f} s")
+                self._say(f"waiting for a controller at {self.endpoint.text}: {waited:.0f} s")
             data, peer = self._received(0.2)
             if data is None:
                 continue
@@ -156,15 +187,18 @@ class PlantServer:
             except PacketError as error:
                 self.rejected += 1
                 if "of version" in str(error):
-                    self._refuse(peer, str(error))
+                    # No longer than what came: its sender may be another than it says.
+                    self._refuse(peer, str(error), len(data) - packets.HEAD.size - packets.CRC.size)
                 continue
-            self._peer, self.client = peer, _line(said.get("client"))
-            self._send(self._welcome)
-            return
-        raise InputError(
-            f"no controller has said hello at {self.endpoint.text} in {patience:g} s; start one, "
-            f"such as 'taskspec run FILE --on {self.endpoint.text}', or wait longer with --wait"
-        )
+            self._welcomed(peer, said)
+            return True
+        return False
+
+    def _welcomed(self, peer: Peer, hello: Mapping[str, Any]) -> None:
+        """Welcomes who says hello before anybody commands: the first command decides who drives."""
+        if len(self._candidates) < _MOST_CANDIDATES or peer in self._candidates:
+            self._candidates[peer] = _line(hello.get("client")), time.monotonic()
+            self._send(self._welcome, peer)
 
     def receive(self, until: float) -> Packet | None:
         """The controller's next command; None if none comes until a time [s, monotonic].
@@ -181,6 +215,8 @@ class PlantServer:
             late = time.monotonic() > until
             try:
                 packet = packets.read_packet(data)
+                if self._peer is None and not self._chosen(packet, peer):
+                    continue
                 if peer != self._peer:
                     if packet.kind == packets.HELLO:
                         self._refuse(peer, f"{self.client or 'another controller'} drives it")
@@ -201,6 +237,28 @@ class PlantServer:
                 self.rejected += 1
         return None
 
+    def _chosen(self, packet: Packet, peer: Peer) -> bool:
+        """Whether a packet is the first command of one who has said hello, who drives from then on.
+
+        Raises:
+            PacketError: it is of somebody else, or nothing that one may send before.
+        """
+        if packet.kind == packets.HELLO:
+            self._welcomed(peer, packets.read_json_body(packet.body))
+            return False
+        if peer not in self._candidates or packet.session != self._session:
+            raise PacketError("it is of another session")
+        if packet.kind == packets.STOP:
+            del self._candidates[peer]
+            return False
+        if packet.kind != packets.COMMAND:
+            raise PacketError("a controller sends hello, command or stop")
+        self._peer, self.client = peer, self._candidates[peer][0]
+        for other in self._candidates:
+            if other != peer:
+                self._refuse(other, f"{self.client or 'another controller'} drives it")
+        return True
+
     def send(self, number: int, stamp: float, state: StateBody) -> None:
         """Sends a state."""
         body = state.to_bytes()
@@ -211,15 +269,18 @@ class PlantServer:
         body = packets.stop_body(text)
         self._send(Packet(packets.STOP, self._session, 0, 0.0, body).to_bytes())
 
-    def _refuse(self, peer: Peer, why: str) -> None:
-        body = packets.stop_body(why)
+    def _refuse(self, peer: Peer, why: str, most: int = packets.LONGEST_TEXT) -> None:
+        """Tells somebody why not; in `most` bytes, which is what a sender's address is good for."""
+        body = packets.stop_body(why)[:most]
         self._send(Packet(packets.STOP, 0, 0, 0.0, body).to_bytes(), peer)
 
     def _send(self, data: bytes, peer: Peer | None = None) -> None:
-        to = self._peer if peer is None else peer
-        # What cannot be sent is as lost as what the network loses: silence is given up in time.
-        with contextlib.suppress(OSError):
-            self._socket.sendto(data, to)  # type: ignore[arg-type]
+        """Sends to one, or to who drives; as long as nobody does, to all who have said hello."""
+        own = self._candidates if self._peer is None else (self._peer,)
+        for to in own if peer is None else (peer,):
+            # What cannot be sent is as lost as what the network loses: silence is given up in time.
+            with contextlib.suppress(OSError):
+                self._socket.sendto(data, to)
 
     def _received(self, wait: float) -> tuple[bytes | None, Peer]:
         try:
@@ -230,8 +291,11 @@ class PlantServer:
 
 
 def _line(text: object) -> str:
-    said = text[:60] if isinstance(text, str) else ""
-    return "".join(c for c in said if c.isprintable())
+    return escaped(text[:60]) if isinstance(text, str) else ""
+
+
+def _unsaid(_: str) -> None:
+    """What is reported to nobody."""
 
 
 class ServedPlant:
@@ -280,13 +344,17 @@ class ServedPlant:
             self._started = True
             self._machine.update_terms()
             self._torque[:] = self._machine.terms.gravity
-            try:
-                # The controller may compile its part before it answers.
-                patience = max(_READY, self._options.answer)
-                self._in_lock_step(0, self._state(packets.START), patience)
-            except LinkError as error:
-                error.ticks = 0
-                raise
+            # The controller may compile its part before it answers.
+            patience = max(_READY, self._options.answer)
+            while True:
+                try:
+                    self._in_lock_step(0, self._state(packets.START), patience)
+                    break
+                except LinkError as error:
+                    # Who has said hello and commanded nothing keeps nobody else from driving.
+                    if self._server.client_came or not self._server.wait_again():
+                        error.ticks = 0
+                        raise
             self._due = time.monotonic()
 
     def step(self, torque: Vector) -> None:

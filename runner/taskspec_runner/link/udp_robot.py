@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec import __version__
+from taskspec.text.characters import escaped
 from taskspec_runner.errors import InputError, LinkError
 from taskspec_runner.link import packets
 from taskspec_runner.link.address import Endpoint, read_endpoint
@@ -246,15 +247,15 @@ def _facts(said: Mapping[str, Any], where: str) -> tuple[RobotFacts, RobotLimits
     """
     try:
         robot, limits = said["robot"], said["robot"]["limits"]
-        joints = tuple(map(str, robot["joints"]))
+        joints = tuple(escaped(str(name)) for name in robot["joints"])
         period = float(said["period"])
         wrench, mode = str(said["wrench"]), str(said["mode"])
         facts = RobotFacts(
-            str(robot["name"]),
+            escaped(str(robot["name"])),
             joints,
             period,
             wrench,
-            tuple(map(str, said["equations"])),
+            tuple(escaped(str(name)) for name in said["equations"]),
             mode == "lock-step",
         )
         parts = [_numbers(limits[name]) for name in ("torque", "velocity", "lower", "upper")]
@@ -262,10 +263,10 @@ def _facts(said: Mapping[str, Any], where: str) -> tuple[RobotFacts, RobotLimits
         good = good and wrench in (CONTACT, READING) and mode in ("lock-step", "free-running")
         if not good or any(len(part) != len(joints) for part in parts):
             raise ValueError("its numbers do not fit each other")
-    except (KeyError, TypeError, ValueError) as error:
+    except (LookupError, TypeError, ValueError, ArithmeticError) as error:
         raise InputError(
             f"the welcome of {where} is not what version {packets.VERSION} of the protocol "
-            f"requires: {error!r}; see docs/protocol.md"
+            f"requires: {escaped(repr(error))[:200]}; see docs/protocol.md"
         ) from error
     return facts, RobotLimits(*parts)
 

@@ -97,7 +97,12 @@ class Evidence:
             reason = f"an earlier taskspec made it, which kept no checksum of {SUMMARY}"
             return {}, f"{reason}; taskspec judge says what its log comes to" if early else ""
         wrong = self._held(SUMMARY, content, wrong)
-        return ({}, wrong) if wrong or content is None else (parse_json(content), "")
+        if wrong or content is None:
+            return {}, wrong
+        try:
+            return parse_json(content), ""
+        except (ValueError, RecursionError) as error:
+            return {}, f"{SUMMARY} cannot be read: {error}"
 
     @property
     def summary(self) -> Json:

@@ -403,14 +403,24 @@ def parse_json(content: bytes) -> Json:
     """The mapping that some JSON holds; an empty one in place of anything else.
 
     Raises:
-        ValueError: it is no JSON, or has characters that no text can have.
+        ValueError: it is no JSON, or has characters that no text can have, or an integer that no
+            number of the machine can have.
         RecursionError: it is nested too deeply.
     """
-    said = mapping(json.loads(content.decode()))
+    said = mapping(json.loads(content.decode(), parse_int=_integer))
     if b"\\u" in content:
         # Half a pair of surrogates, which can neither be printed nor written.
         json.dumps(said, ensure_ascii=False).encode()
     return said
+
+
+def _integer(text: str) -> int:
+    value = int(text)
+    try:
+        float(value)
+    except OverflowError as error:
+        raise ValueError(f"an integer of {len(text)} digits") from error
+    return value
 
 
 def number(value: object) -> float | None:

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from taskspec.compiler import admit
-from taskspec.examination import examine
+from taskspec.examination import IN_PART, ExaminationBounds, examine
 from taskspec.examined import Examination
 from taskspec.program.program import refusals
 from taskspec.rules import predicted
-from taskspec.spec import LoadedTask
+from taskspec.rules.finding import Finding, info
+from taskspec.spec import FILE, LoadedTask
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, Severity, SpecError
 from taskspec.text.source import Span
 from taskspec_runner.errors import InputError
 from taskspec_runner.trial.collisions import collisions
 from taskspec_runner.trial.protection import fast_motions, fast_torques
 from taskspec_runner.trial.reported import about, reported
-from taskspec_runner.trial.trial import OPEN, trials_past_limits
+from taskspec_runner.trial.trial import OPEN, Trial, trials_past_limits
 
 #: A trial is broken off after so many ticks: at 1 kHz two minutes.
 TRIAL_TICKS = 120_000
@@ -31,12 +33,14 @@ def check(loaded: LoadedTask) -> Examination:
     Args:
         loaded: the task.
     """
-    examined = examine(loaded)
-    if examined.plan is None or refusals(examined.findings):
+    bounds = ExaminationBounds()
+    examined = examine(loaded, bounds=bounds)
+    in_part = any(each.code == IN_PART for each in examined.findings)
+    if examined.plan is None or in_part or refusals(examined.findings):
         return examined
     try:
         program = admit(examined)
-        trials = trials_past_limits(program, None, TRIAL_TICKS)
+        trials = trials_past_limits(program, None, TRIAL_TICKS, lambda: bounds.over)
     except SpecError as error:
         return Examination(loaded, examined.plan, _sorted(loaded, error.diagnostics))
     except InputError as error:
@@ -49,7 +53,12 @@ def check(loaded: LoadedTask) -> Examination:
     found = Diagnostics(loaded.source.name)
     found.extend(each if confirmed else _weighed(each) for each in examined.findings)
     places = [each.span for each in examined.findings if each.severity is not Severity.INFO]
-    for finding in (*reported(trials), *fast_motions(last), *fast_torques(last)):
+    for finding in (
+        *reported(trials),
+        *_broken_off(last),
+        *fast_motions(last),
+        *fast_torques(last),
+    ):
         one = Diagnostics(loaded.source.name)
         finding.report(loaded, one)
         # What a rule has reported at the same place is the cause.
@@ -57,6 +66,17 @@ def check(loaded: LoadedTask) -> Examination:
     for finding in collisions(first):
         finding.report(loaded, found)
     return Examination(loaded, examined.plan, found.sorted())
+
+
+def _broken_off(last: Trial) -> Iterator[Finding]:
+    """That a trial did not come to its end."""
+    if last.outcome.status == OPEN:
+        yield info(
+            IN_PART,
+            f"the trial was {last.outcome.text}: what comes later was not checked",
+            FILE.stages[last.outcome.stage],
+            "`taskspec run` has no such bound",
+        )
 
 
 def _weighed(found: Diagnostic) -> Diagnostic:

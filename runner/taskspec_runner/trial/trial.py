@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 from taskspec.program import events
@@ -95,6 +96,7 @@ def trial(
     world: World | None = None,
     loop: str | None = None,
     ticks: int | None = None,
+    over: Callable[[], bool] = lambda: False,
 ) -> Trial:
     """Runs a program in a world to its end, and keeps its ticks in memory.
 
@@ -104,6 +106,7 @@ def trial(
             file under the seed that a run has by default.
         loop: `native` or `python`, None for what there is.
         ticks: after which it is broken off; None for no bound.
+        over: whether it is to be broken off now.
 
     Raises:
         InputError: what the robot holds is where it cannot hold it.
@@ -117,7 +120,7 @@ def trial(
     def watch(_: Machine, clock: float) -> None:
         nonlocal last_clock
         last_clock = clock
-        if ticks is not None and clock >= ticks * context.period:
+        if over() or (ticks is not None and clock >= ticks * context.period):
             raise _BoundReachedError
 
     try:
@@ -142,7 +145,9 @@ def trial(
     return Trial(program, world, outcome, history, tuple(machine.transitions))
 
 
-def trials_past_limits(program: Program, world: World | None, ticks: int) -> tuple[Trial, ...]:
+def trials_past_limits(
+    program: Program, world: World | None, ticks: int, over: Callable[[], bool] = lambda: False
+) -> tuple[Trial, ...]:
     """A trial, and as long as a limit of the file stops it another one that passes this limit.
 
     In each the ticks up to the limit are those of the one before. A run has the first of them.
@@ -151,6 +156,7 @@ def trials_past_limits(program: Program, world: World | None, ticks: int) -> tup
         program: the compiled task.
         world: as `trial` has it.
         ticks: after which each is broken off.
+        over: whether one is to be broken off now, and none is to follow.
 
     Returns:
         At least one, at most `MOST_PASSED` more.
@@ -158,11 +164,11 @@ def trials_past_limits(program: Program, world: World | None, ticks: int) -> tup
     Raises:
         InputError: what the robot holds is where it cannot hold it.
     """
-    found = [trial(program, world, ticks=ticks)]
-    while found[-1].limit in PASSABLE and len(found) <= MOST_PASSED:
+    found = [trial(program, world, ticks=ticks, over=over)]
+    while found[-1].limit in PASSABLE and len(found) <= MOST_PASSED and not over():
         last = found[-1]
         program = last.program.past(last.outcome.stage, last.limit)
-        found.append(trial(program, world, ticks=ticks))
+        found.append(trial(program, world, ticks=ticks, over=over))
     return tuple(found)
 
 
