@@ -75,7 +75,8 @@ FUNCTION_WORDS = {
 
 KEY_WORDS = {
     "circle": "arc", "goto": "to", "csv": "file", "pos": "xyz", "position": "xyz", "origin": "xyz",
-    "location": "xyz", "translation": "xyz", "z": "xyz", "height": "xyz", "rotation": "rpy",
+    "location": "xyz", "translation": "xyz", "z": "xyz", "height": "xyz size", "width": "size",
+    "spacing": "pitch", "stepover": "pitch", "line_distance": "pitch", "rotation": "rpy",
     "orientation": "rpy", "euler": "rpy", "diameter": "radius", "k": "stiffness",
     "spring": "stiffness", "mu": "friction", "weight": "mass", "type": "kind", "name": "kind",
     "duration": "time", "timeout": "within", "max_time": "within", "when": "until",
@@ -89,7 +90,7 @@ KEY_WORDS = {
     "ft_sensor": "sensor", "force_sensor": "sensor", "checks": "expect",
     "success": "expect", "expectations": "expect", "controller": "law",
 }  # fmt: skip
-"""What other systems call a key, and its name here where the mapping has it."""
+"""What other systems call a key, and its names here, the first that the mapping has."""
 
 VALUE_WORDS = {
     "cube": "box", "cuboid": "box", "block": "box", "ball": "sphere", "rod": "cylinder",
@@ -101,18 +102,20 @@ VALUE_WORDS = {
 """What other systems call a shape or a mechanism, and its name here."""
 
 _CHANGED = {
-    "diameter": "half of the diameter",
-    "height": "a list whose third entry is the height",
-    "z": "a list whose third entry is the height",
-    "weight": "in kg or g, not in N",
+    ("diameter", "radius"): "half of the diameter",
+    ("height", "xyz"): "a list whose third entry is the height",
+    ("z", "xyz"): "a list whose third entry is the height",
+    ("width", "size"): "a list of all sides",
+    ("height", "size"): "a list of all sides",
+    ("weight", "mass"): "in kg or g, not in N",
 }
 """What becomes of the quantity where the other key is another one."""
 
 
 def other_word(key: str, keys: Collection[str]) -> str:
     """A hint about a key that other systems use: its name here, if that is among some keys."""
-    meant = KEY_WORDS.get(key.lower(), "")
-    if meant not in keys:
+    meant = next((each for each in KEY_WORDS.get(key.lower(), "").split() if each in keys), "")
+    if not meant:
         return ""
-    changed = _CHANGED.get(key.lower())
+    changed = _CHANGED.get((key.lower(), meant))
     return f"did you mean '{meant}'?" + (f" It is {changed}" if changed else "")

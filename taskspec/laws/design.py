@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from taskspec.laws.gains import AxisDesign, AxisPlant, Gain
+from taskspec.laws.gains import FORCE_MASS, AxisDesign, AxisPlant, Gain, LawGain
 
 _SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
 _MOTION_BANDWIDTH = 5.0
@@ -21,6 +21,7 @@ _SPRING_DAMPING_RATIO = 0.7
 INTEGRAL_FREQUENCY = 2.0
 #: K_F of (4.121), which has no integral to rely on.
 _REACTION_GAIN = 0.5
+_JAMMED = "designed: Lambda_ii, by which the axis does not flip where walls hold the tool"
 
 
 class DesignedLaw(Protocol):
@@ -28,6 +29,8 @@ class DesignedLaw(Protocol):
 
     @property
     def gain_names(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def derived(self) -> tuple[LawGain, ...]: ...  # noqa: D102
     @property
     def force_loop(self) -> bool: ...  # noqa: D102
     @property
@@ -63,6 +66,8 @@ def springs(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
     mass = axis.of_the_law("mass") or Gain(h, "designed: effective mass of the axis")
     # The inverse-dynamics core leaves nothing to move but `mass`, so that is what dampers stop.
     moved = plant if law.natural else replace(plant, h=mass.value)
+    if not law.natural and mass.value < plant.jammed and mass.origin != "file":
+        mass = Gain(plant.jammed, _JAMMED)
     stiffness = (
         axis.own_stiffness
         or axis.of_the_law("stiffness")
@@ -97,7 +102,9 @@ def force_loop(law: DesignedLaw, axis: AxisDesign, damping: Gain | None = None) 
         axis: the axis, or the direction of an equation's gradient.
         damping: that is given otherwise; None for that of the loop, which may be designed.
     """
-    plant = axis.plant
+    plant, mass = axis.plant, None
+    if plant.jammed > plant.h and FORCE_MASS in law.derived:
+        mass = Gain(plant.jammed, _JAMMED)
     damping = damping or axis.of_the_law("force.damping")
     if damping is None and plant.damper is not None:
         damping = Gain(plant.damper, "designed: a Lambda_ii, a = 100/s or 1/(3 T)")
@@ -115,19 +122,23 @@ def force_loop(law: DesignedLaw, axis: AxisDesign, damping: Gain | None = None) 
     usual = 0.0 if integrates else _REACTION_GAIN
     proportional = axis.of_the_law("force.proportional") or Gain(usual, f"designed: {usual:g}")
     loop = {"force.proportional": proportional, "force.damping": damping}
-    return loop | ({"force.integral": integral} if integrates else {})
+    loop |= {"force.integral": integral} if integrates else {}
+    return loop | ({"force.mass": mass} if mass is not None else {})
 
 
 def _integral(plant: AxisPlant, damping: float) -> Gain:
     """The slowest of what rules allow the integral of a force loop.
 
-    An axis of a held mechanism moves the arm with all other directions held by the grip. With k and
-    d_e of the grip and this Lambda_ii its loop is Lambda_ii s^3 + (d + d_e) s^2 + k s + i k, stable
-    below i = (d + d_e) / Lambda_ii; a quarter of that is taken.
+    A force axis between walls has the loop m s^3 + d s^2 + k s + i k, stable below i = d / m. One
+    of a held mechanism moves the arm with all others held by the grip: with k and d_e of the
+    grip and this Lambda_ii its loop is Lambda_ii s^3 + (d + d_e) s^2 + k s + i k, stable below
+    i = (d + d_e) / Lambda_ii. A quarter of either is taken.
     """
     rules = [Gain(2 * math.pi * INTEGRAL_FREQUENCY, "designed: 2 pi 2 Hz")]
     if damping > 0:
         rules.append(Gain(plant.k / (8 * damping), "designed: k / (8 d)"))
+    if plant.jammed > plant.h:
+        rules.append(Gain(damping / (4 * plant.jammed), "designed: d / (4 m)"))
     if plant.grip is not None and plant.k > 0:
         by_mass = (damping + plant.grip) / (4 * plant.held)
         rules.append(Gain(by_mass, "designed: (d + d_e) / (4 Lambda_ii)"))

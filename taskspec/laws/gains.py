@@ -50,6 +50,8 @@ K_D = LawGain("K_D", units.FREQUENCY, "1/s")
 FORCE_PROPORTIONAL = LawGain("force.proportional")
 FORCE_INTEGRAL = LawGain("force.integral", units.FREQUENCY, "1/s")
 FORCE_DAMPING = LawGain("force.damping", units.DAMPING)
+#: The apparent mass of a force axis that shall not give way with the arm's own.
+FORCE_MASS = LawGain("force.mass", units.MASS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +96,8 @@ class AxisPlant:
         damper: what a law's form for the mechanism damps the axis with [N s/m, N m s/rad]; None
             where the law damps it by its own rules.
         face: stiffness about the axis of a face that lies flat [N m/rad]; 0 without.
+        jammed: the apparent mass that a force axis has at least, so that it does not flip where
+            walls and their friction hold the tool [kg]; 0 where they cannot.
     """
 
     h: float
@@ -103,6 +107,7 @@ class AxisPlant:
     grip: float | None = None
     damper: float | None = None
     face: float = 0.0
+    jammed: float = 0.0
 
     @property
     def most_damping(self) -> float:

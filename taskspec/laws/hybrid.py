@@ -11,6 +11,7 @@ from taskspec.laws.gains import (
     DAMPING_RATIO,
     FORCE_DAMPING,
     FORCE_INTEGRAL,
+    FORCE_MASS,
     FORCE_PROPORTIONAL,
     K_D,
     K_P,
@@ -35,14 +36,15 @@ class Hybrid(ControlLaw):
         as it is released, and h^-1 the block of J H^-1 J^T that belongs to those axes.
     Force and soft axes: h z'' = u + f holds whatever f is measured, with h^-1 the block of
         J H^-1 J^T that belongs to them and u the force that the robot applies on them. Sent through
-        the same core, so that the force does not shake the motion axes.
+        the same core, so that the force does not shake the motion axes. An axis that
+        walls could hold has an apparent mass of its own in h^-1.
     """
 
     kind = "hybrid"
     title = "hybrid force/velocity control in a task frame"
     equations = "section 4.3.3, (4.123)"
     gains = (BANDWIDTH, DAMPING_RATIO, FORCE_PROPORTIONAL, FORCE_INTEGRAL, FORCE_DAMPING)
-    derived = (K_P, K_D, STIFFNESS, DAMPING)
+    derived = (K_P, K_D, STIFFNESS, DAMPING, FORCE_MASS)
     mechanism_form = True
     force_loop = True
     selects = True
@@ -63,9 +65,21 @@ class Hybrid(ControlLaw):
         drives = {a: _drive(case, a) for a in state.axes if a in (*case.force, *case.soft)}
         rows = state.rows([*drives])
         if rows:
-            h_inverse, u = state.mobility[rows, rows], case.column(drives.values())
+            h_inverse, u = _apparent(case, rows), case.column(drives.values())
             acceleration[rows] = reference.acceleration[rows] + h_inverse @ (u + state.f[rows])
         return Command(acceleration=acceleration, wrench=-state.f)
+
+
+def _apparent(case: Case, rows: list[int]) -> ca.SX:
+    """S h^-1 S of force and soft axes; S_i = 1 / sqrt(m_i h^-1_ii) where axis i has a mass m_i."""
+    h_inverse, masses = case.state.mobility[rows, rows], case.gains.get("force.mass", {})
+    for i, row in enumerate(rows):
+        mass = masses.get(case.state.axes[row])
+        if mass is not None:
+            share = 1 / (mass.value * h_inverse[i, i]) ** 0.5
+            h_inverse[i, :] *= share
+            h_inverse[:, i] *= share
+    return h_inverse
 
 
 def _drive(case: Case, axis: Axis, *, own: bool = True) -> ca.SX:

@@ -16,6 +16,8 @@ Vector = NDArray[np.float64]
 
 #: Rows that are evaluated at a time.
 CHUNK = 128
+#: Rows from which on machine code is asked for: to load what makes it takes a tenth of a second.
+_MANY = 10_000
 
 
 class Addresses(Protocol):
@@ -157,11 +159,18 @@ class RowFunction:
     def __init__(self, function: ca.Function) -> None:
         """Takes a function of dense column vectors."""
         self._function = function
+        self._code: Callable[[Vector], Vector | None] | None = None
         self._bound: dict[int, tuple[BoundFunction, list[Vector], list[Vector]]] = {}
 
     def __call__(self, *arguments: Vector) -> tuple[Vector, ...]:
-        """(n, size) of each result, from (n, size) of each argument: a row for every tick."""
+        """(n, size) of each result, from (n, size) of each argument: a row for every tick.
+
+        Many rows are evaluated by machine code as soon as there is some, to the same bits.
+        """
         function, n = self._function, len(arguments[0])
+        found = self._by_code(arguments) if n >= _MANY else None
+        if found is not None:
+            return found
         values = tuple(np.empty((n, function.nnz_out(i))) for i in range(function.n_out()))
         # Mapping over all rows at once would take longer than evaluating them.
         chunk = max(min(n, CHUNK), 1)
@@ -174,6 +183,22 @@ class RowFunction:
             for array, result in zip(values, results, strict=True):
                 array[rows] = result[: rows.stop - start]
         return values
+
+    def _by_code(self, arguments: Sequence[Vector]) -> tuple[Vector, ...] | None:
+        """The same by machine code; None as long as there is none."""
+        function = self._function
+        if self._code is None:
+            from taskspec.native.rows import RowCode
+
+            given = [ca.SX.sym("x", function.sparsity_in(i)) for i in range(function.n_in())]
+            results = [x for result in function.call(given) for x in result.nonzeros()]
+            row = ca.vertcat(*given)
+            self._code = RowCode(ca.Function("rows", [row], [ca.vertcat(*results)]))
+        found = self._code(np.hstack(arguments))
+        if found is None:
+            return None
+        ends = np.cumsum([function.nnz_out(i) for i in range(function.n_out())])
+        return tuple(np.ascontiguousarray(part) for part in np.split(found, ends[:-1], axis=1))
 
     def _of_size(self, chunk: int) -> tuple[BoundFunction, list[Vector], list[Vector]]:
         """The function of so many rows, with its arguments and results (chunk, size) in place."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 from taskspec.robot.errors import RobotError
 from taskspec.robot.library import builtin_names, builtin_robots
 from taskspec.robot.load import load_robot
+from taskspec.robot.operational import OperationalTerms, operational_terms
 from taskspec.robot.start import check_joints, solve_start
 from taskspec.robot.types import RobotModel, RobotSummary, ToolGeometry
 
 __all__ = [
+    "OperationalTerms",
     "RobotError",
     "RobotModel",
     "RobotSummary",
@@ -17,5 +19,6 @@ __all__ = [
     "builtin_robots",
     "check_joints",
     "load_robot",
+    "operational_terms",
     "solve_start",
 ]

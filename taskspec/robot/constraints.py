@@ -206,6 +206,8 @@ def _constraints(description: Description) -> Iterator[_Row | _Curve]:
         RobotError: TS405 for numbers that mean nothing.
     """
     m = description.model
+    for j, locked in description.locked.items():
+        yield _Row({j: 1.0}, locked.value, j, locked.what)
     for i in range(m.neq):
         if not m.eq_active0[i]:
             continue

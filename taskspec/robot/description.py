@@ -14,6 +14,7 @@ from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.errors import RobotError
 from taskspec.robot.inertias import Unphysical
+from taskspec.robot.urdf_limits import LockedJoint
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -36,6 +37,7 @@ class Description:
         model: The file as it is, compiled.
         source: Where the numbers come from.
         velocity: Velocity limits by joint id [rad/s or m/s].
+        locked: Joints whose limits are one value, by joint id.
         coupled: Joints that follow another one or that another one follows, as a gripper's fingers
             do.
         constraints: The model's equality constraints in words, with file and line where known.
@@ -48,6 +50,7 @@ class Description:
     model: mujoco.MjModel
     source: str
     velocity: Mapping[int, float] = field(default_factory=dict)
+    locked: Mapping[int, LockedJoint] = field(default_factory=dict)
     coupled: tuple[str, ...] = ()
     constraints: Mapping[int, str] = field(default_factory=dict)
     untied: Mapping[int, str] = field(default_factory=dict)

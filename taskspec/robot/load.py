@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -34,6 +34,7 @@ from taskspec.robot.tool import attach, make_tool
 from taskspec.robot.twin import Twin
 from taskspec.robot.types import MujocoArm, RobotLike, RobotModel, ToolBody
 from taskspec.text.codes import register
+from taskspec.text.suggest import closest
 
 register({"TS404": "a robot file that does not compile"})
 
@@ -197,13 +198,14 @@ def _compiled(
 ) -> tuple[KnownArm, tuple[mujoco.MjSpec, mujoco.MjModel]]:
     """The arm of a description, and MuJoCo's specification and model of it."""
     m = description.model
-    chain = find_chain(m, robot.flange, description.coupled)
-    whole_home = home_configuration(m)
+    whole = find_chain(m, robot.flange, description.coupled)
+    chain = _unlocked(whole, description)
+    whole_home = home_configuration(description)
     found = coordinates(description, chain, whole_home)
     whole_home[m.jnt_qposadr[list(chain.joints)]] = found.coupling.joints(found.home)
     base = pose_of_rpy(robot.base.xyz, robot.base.rpy)
-    arm = rebuild(m, chain, whole_home, base)
-    planar = is_planar(m, chain)
+    arm = rebuild(description, chain, whole_home, base)
+    planar = is_planar(m, chain, whole_home if description.locked else m.qpos0)
     flange = _tool_mount(chain, planar)
     tool = make_tool(robot.tool, planar)
     tip_body, tool_geoms = attach(arm.carrier, flange, tool, set(arm.body_names))
@@ -246,6 +248,7 @@ def _compiled(
         flange=chain.label,
         notes=description.notes + arm.notes + _short_of(axes, m, chain),
         remarks=(
+            *(description.locked[j].remark for j in whole.joints if j in description.locked),
             *(each.remark for each in description.unphysical if moves(m, chain, each.link)),
             *found.remarks,
             *(() if planar else remarks(m, chain, whole_home)),
@@ -264,17 +267,33 @@ def _twin(bodies: Bodies, tip: int, *, balanced: bool) -> tuple[pin.Model, int, 
     return twin, joint, placement
 
 
-def home_configuration(m: mujoco.MjModel) -> Array:
+def _unlocked(chain: Chain, description: Description) -> Chain:
+    """The chain without the joints that its file locks, which are part of the link before them."""
+    joints = tuple(j for j in chain.joints if j not in description.locked)
+    if not joints:
+        names = ", ".join(f"'{description.locked[j].name}'" for j in chain.joints)
+        raise RobotError(
+            "TS405",
+            f"every joint of the arm is locked: lower and upper limit are equal of {names}",
+            "give the joints that move their ranges",
+        )
+    return replace(chain, joints=joints)
+
+
+def home_configuration(description: Description) -> Array:
     """The configuration (nq,) of the file's keyframe `home`, of its first one, or its zero.
 
     A joint that would be out of its range there is put in the middle of it.
     """
+    m = description.model
     key = max(mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_KEY, "home"), 0)
     q = np.array(m.key_qpos[key] if m.nkey else m.qpos0)
     for j in range(m.njnt):
         lower, upper = m.jnt_range[j]
         if m.jnt_limited[j] and not lower <= q[m.jnt_qposadr[j]] <= upper:
             q[m.jnt_qposadr[j]] = (lower + upper) / 2
+    for j, locked in description.locked.items():
+        q[m.jnt_qposadr[j]] = locked.value
     return q
 
 
@@ -326,15 +345,20 @@ def _read(name: str, base_dir: Path | None, arguments: Mapping[str, str]) -> Rob
         return read_packaged(name, arguments)
     if looks_like_path(name):
         return read_own(name, base_dir or Path.cwd(), arguments)
-    close = difflib.get_close_matches(name, builtin_names(), 1)
+    # A ur10e is no slip of ur5e: numbers tell robots apart.
+    close = closest(name, (each for each in builtin_names() if _digits(each) == _digits(name)))
     raise RobotError(
         "TS401",
         f"there is no robot '{name}'",
-        f"did you mean '{close[0]}'?"
+        f"did you mean '{close}'?"
         if close
         else f"built in are {', '.join(builtin_names())}; or give the path of an MJCF or URDF "
         "file, or PACKAGE:NAME of one that pip has installed",
     )
+
+
+def _digits(name: str) -> list[str]:
+    return re.findall(r"\d+", name)
 
 
 def _tool_mount(chain: Chain, planar: bool) -> pin.SE3:

@@ -67,9 +67,16 @@ def _rank(J: Array) -> int:
     return int(np.linalg.matrix_rank(J, tol=_RANK)) if J.size else 0
 
 
-def is_planar(m: mujoco.MjModel, chain: Chain) -> bool:
-    """Whether all joints of a chain move it in one plane, hinges among them."""
+def is_planar(m: mujoco.MjModel, chain: Chain, at: Array) -> bool:
+    """Whether all joints of a chain move it in one plane, hinges among them.
+
+    Args:
+        m: The robot's file, compiled.
+        chain: The joints.
+        at: (nq,) where the others are locked, and any place of these.
+    """
     data = mujoco.MjData(m)
+    data.qpos[:] = at
     mujoco.mj_kinematics(m, data)
     hinge = m.jnt_type[list(chain.joints)] == mujoco.mjtJoint.mjJNT_HINGE
     axes = data.xaxis[list(chain.joints)]

@@ -29,11 +29,13 @@ from taskspec.robot.urdf import (
     drawable,
     urdf_mimics,
     urdf_spec,
-    urdf_velocities,
 )
+from taskspec.robot.urdf_limits import apply_limits, left_out
 from taskspec.robot.xacro_file import SUFFIX, expanded, finished
 from taskspec.text.confines import Confines, confines, here
 
+#: What MuJoCo's reader warns of, and what is not so here.
+_EQUAL = "has equal lower and upper limits"
 MakeSpec = Callable[[bool], tuple["mujoco.MjSpec", list[str]]]
 
 
@@ -105,10 +107,9 @@ def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: 
             lambda meshes: urdf_spec(drawn if meshes else drawable(root, roots, meshes=False)),
             notes,
         )
+        limits = apply_limits(m, root, shown)
         check_numbers(m, shown)
         ids = {m.joint(j).name: j for j in range(m.njnt)}
-        limits = urdf_velocities(root).items()
-        velocity = {ids[joint]: limit for joint, limit in limits if joint in ids}
         constraints = {
             i: f"<mimic> of joint '{joint}'{line_of(mimics[joint], shown)}"
             for i in range(m.neq)
@@ -122,7 +123,16 @@ def _urdf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: 
             if joint in ids and mimic.get("joint") not in ids
         }
         return Description(
-            name, m, shown, velocity, coupled, constraints, untied, tuple(notes), unphysical
+            name,
+            m,
+            shown,
+            limits.velocity,
+            limits.locked,
+            coupled,
+            constraints,
+            untied,
+            (*(each for each in notes if _EQUAL not in each), *left_out(root)),
+            unphysical,
         )
 
     assets = [part for token, data in drawn.assets.items() for part in (token.encode(), data)]
@@ -142,7 +152,7 @@ def _mjcf(text: str, root: ElementTree.Element, shown: str, roots: Roots, name: 
             else {}
         )
         return Description(
-            name, m, shown, velocity_limits(m), (), constraints, {}, tuple(notes), unphysical
+            name, m, shown, velocity_limits(m), {}, (), constraints, {}, tuple(notes), unphysical
         )
 
     # Only MuJoCo knows which files are meant.

@@ -15,7 +15,7 @@ import pinocchio as pin
 from taskspec.deferred import mujoco
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.chain import Chain
-from taskspec.robot.description import BOUND_MASS
+from taskspec.robot.description import BOUND_MASS, Description
 from taskspec.robot.poses import pose, quaternion
 
 if TYPE_CHECKING:
@@ -47,18 +47,19 @@ class Rebuilt:
     notes: tuple[str, ...]
 
 
-def rebuild(m: mujoco.MjModel, chain: Chain, home: Array, base: pin.SE3) -> Rebuilt:
-    """Writes the arm of `m` down anew.
+def rebuild(description: Description, chain: Chain, home: Array, base: pin.SE3) -> Rebuilt:
+    """Writes the arm of a file down anew.
 
     Joints that do not move the flange are locked where `home` has them. Geoms are kept for
     pictures.
 
     Args:
-        m: The robot's file, compiled.
+        description: The robot's file.
         chain: Its joints to keep.
         home: (nq,) configuration of the whole file.
         base: Pose of the file's world in the task's world.
     """
+    m = description.model
     data = mujoco.MjData(m)
     data.qpos[:] = home
     mujoco.mj_kinematics(m, data)
@@ -96,7 +97,11 @@ def rebuild(m: mujoco.MjModel, chain: Chain, home: Array, base: pin.SE3) -> Rebu
             _copy_joint(m, j, body, joint_names[-1])
         _copy_looks(m, i, body, meshes)
     return Rebuilt(
-        spec, bodies[chain.body], tuple(joint_names), tuple(names.values()), _notes(m, chain, home)
+        spec,
+        bodies[chain.body],
+        tuple(joint_names),
+        tuple(names.values()),
+        _notes(description, chain, home),
     )
 
 
@@ -198,15 +203,20 @@ class _Meshes:
         return name
 
 
-def _notes(m: mujoco.MjModel, chain: Chain, home: Array) -> tuple[str, ...]:
-    notes = []
+def _notes(description: Description, chain: Chain, home: Array) -> tuple[str, ...]:
+    m, notes = description.model, []
     root = m.body_rootid[chain.body]
     locked = [
-        j for j in range(m.njnt) if j not in chain.joints and m.body_rootid[m.jnt_bodyid[j]] == root
+        j
+        for j in range(m.njnt)
+        if j not in (*chain.joints, *description.locked) and m.body_rootid[m.jnt_bodyid[j]] == root
     ]
     if locked:
         at = ", ".join(f"{m.joint(j).name} at {home[m.jnt_qposadr[j]]:g}" for j in locked)
         notes.append(f"joints that do not move the flange are locked: {at}")
+    if description.locked:
+        at = ", ".join(f"{each.name} at {each.value:g}" for each in description.locked.values())
+        notes.append(f"joints whose limits are one value are locked: {at}")
     dofs = [int(m.jnt_dofadr[j]) for j in chain.joints]
     passive = {
         "joint damping": m.dof_damping[dofs],

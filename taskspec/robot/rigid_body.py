@@ -21,6 +21,7 @@ CasADi folds the zeros and ones of the constants as the expressions are made; wh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
@@ -74,6 +75,18 @@ class RigidBody:
             return self._coupled(q, v)
         return self._of_joints(q, v)
 
+    def tip(self, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """(3,), (3, 3) the tip in the world at joint positions q (n,) [rad, m]."""
+        if self._coupling.couples:
+            q = ca.sparsify(ca.DM(self._coupling.ratios)) @ q + ca.DM(self._coupling.offsets)
+        return self._tip(_poses([_Moved(j, q[i]) for i, j in enumerate(self._chain.joints)]))
+
+    def _tip(self, poses: Sequence[tuple[ca.SX, ca.SX]]) -> tuple[ca.SX, ca.SX]:
+        """The tip in the world, by the poses of the joints' frames there."""
+        R, p = poses[-1]
+        tip_rotation = ca.sparsify(ca.DM(self._chain.tip_rotation))
+        return p + R @ self._chain.tip_origin, R @ tip_rotation
+
     def _coupled(self, x: ca.SX, v: ca.SX) -> TermSymbols:
         """The model terms of the coordinates that are left, of those of all joints."""
         A, b = ca.sparsify(ca.DM(self._coupling.ratios)), ca.DM(self._coupling.offsets)
@@ -91,8 +104,7 @@ class RigidBody:
         chain = self._chain
         moved = [_Moved(joint, q[i]) for i, joint in enumerate(chain.joints)]
         poses, motions = _poses(moved), _motions(moved, v)
-        R_last, p_last = poses[-1]
-        p = p_last + R_last @ chain.tip_origin
+        R_last, (p, R) = poses[-1][0], self._tip(poses)
         H, gravity = _composite(moved, poses, chain.gravity)
         J = _jacobian(moved, poses, p)
         last = motions[-1]
@@ -102,7 +114,7 @@ class RigidBody:
             bias=_coriolis(moved, motions) + gravity,
             gravity=gravity,
             p=p,
-            R=R_last @ ca.sparsify(ca.DM(chain.tip_rotation)),
+            R=R,
             J=J,
             drift=ca.vertcat(R_last @ (last.a + last.U @ chain.tip_origin), R_last @ last.dw),
             twist=J @ v,

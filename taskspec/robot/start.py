@@ -241,7 +241,12 @@ def check_joints(
         raise RobotError(
             "TS411",
             f"{of} has {len(joints)} joint positions, '{model.name}' has {model.home.size} joints",
-            f"in this order: {', '.join(model.joint_names)}",
+            "; ".join(
+                (
+                    f"in this order: {', '.join(model.joint_names)}",
+                    *(each.message for each in model.remarks if each.code == "TS449"),
+                )
+            ),
             field,
         )
     for i, value in enumerate(joints):

@@ -78,3 +78,20 @@ class Twin:
         whole = self.coupling
         u = pin.rnea(self.model, self.data, whole.joints(q), whole.rates(v), whole.rates(a))
         return whole.on_coordinates(np.array(u))
+
+    def coriolis(self, q: Array, v: Array) -> Array:
+        """(n, n) C of C q' at velocities v (n,), by Christoffel symbols [N m s/rad, N s/m]."""
+        whole = self.coupling
+        C = pin.computeCoriolisMatrix(self.model, self.data, whole.joints(q), whole.rates(v))
+        return whole.by_coordinates(whole.on_coordinates(np.array(C)))
+
+    def jacobian_rate(self, q: Array, v: Array) -> Array:
+        """(6, n) J' of the tip in world axes at velocities v (n,), linear above angular [1/s]."""
+        whole = self.coupling
+        pin.computeJointJacobiansTimeVariation(
+            self.model, self.data, whole.joints(q), whole.rates(v)
+        )
+        J_dot: Array = pin.getFrameJacobianTimeVariation(
+            self.model, self.data, self._tip, pin.LOCAL_WORLD_ALIGNED
+        )
+        return whole.by_coordinates(J_dot)

@@ -14,6 +14,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.robot.errors import RobotError
 from taskspec.robot.files import Roots, mesh_token, on_one_line, read_mesh
 from taskspec.robot.ros_packages import find_mesh
+from taskspec.robot.urdf_limits import check_limits, number
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
@@ -24,37 +25,17 @@ def check_urdf(root: ElementTree.Element) -> None:
     Raises:
         RobotError: TS405 when its numbers make no arm.
     """
-    for joint in root.findall("joint"):
-        limit, name = joint.find("limit"), joint.get("name", "")
-        if limit is not None:
-            lower, upper = (_number(limit, key, name) for key in ("lower", "upper"))
-            if lower > upper:
-                raise RobotError(
-                    "TS405",
-                    f"joint '{name}' has lower {lower:g} above upper {upper:g}",
-                    "swap them",
-                )
+    check_limits(root)
     for link in root.findall("link"):
         mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
         name = link.get("name", "")
-        if mass is not None and not 0 <= _number(mass, "value", name) < math.inf:
+        if mass is not None and not 0 <= number(mass, "value", name) < math.inf:
             raise RobotError("TS405", f"link '{name}' has a negative or infinite mass")
         if (
             inertia is not None
-            and not np.isfinite([_number(inertia, key, name) for key in _MOMENTS]).all()
+            and not np.isfinite([number(inertia, key, name) for key in _MOMENTS]).all()
         ):
             raise RobotError("TS405", f"link '{name}' has an inertia that is not finite")
-
-
-def urdf_velocities(root: ElementTree.Element) -> dict[str, float]:
-    """Velocity limits by joint name [rad/s or m/s]; zero means that the file gives none."""
-    limits = {}
-    for joint in root.findall("joint"):
-        limit = joint.find("limit")
-        velocity = _number(limit, "velocity", "") if limit is not None else 0.0
-        if velocity > 0:
-            limits[joint.get("name", "")] = velocity
-    return limits
 
 
 def urdf_mimics(root: ElementTree.Element) -> dict[str, ElementTree.Element]:
@@ -156,12 +137,3 @@ def _drop_textures(element: ElementTree.Element) -> None:
     for parent in list(element.iter()):
         for texture in parent.findall("texture"):
             parent.remove(texture)
-
-
-def _number(element: ElementTree.Element, key: str, name: str) -> float:
-    try:
-        return float(element.get(key, "0"))
-    except ValueError:
-        raise RobotError(
-            "TS405", f"'{name}': {key} of <{element.tag}> is not a number: {element.get(key)}"
-        ) from None

@@ -33,7 +33,7 @@ _LIMITS = {
     "speed": "velocity in URDF's <limit>, velocity_limit in MJCF's <custom>",
 }
 #: Remarks about a robot's file that say more than how it is read.
-_WARNED = frozenset({"TS441", "TS447", "TS448"})
+_WARNED = frozenset({"TS441", "TS447", "TS448", "TS449"})
 #: A link that weighs less has no mass in its file [kg].
 _MASSLESS = 1e-6
 
@@ -168,6 +168,7 @@ def arm_at_start(task: TaskPlan) -> Iterator[Finding]:
         "TS446": "joints that follow others",
         "TS447": "something in a robot's file that is not modelled",
         "TS448": "an inertia that no body has",
+        "TS449": "a joint that its file locks",
     },
     phase=Phase.TASK,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -50,6 +51,25 @@ def test_a_body_on_a_body_has_the_softer_ones_stiffness():
         pose = rest(Pushed(f"{TABLE}, {lower}, {upper}", damping=20.0), 3.0)
         assert 0.325 - pose[2] == pytest.approx(2.5 * G / 10e3, rel=1e-3)
         assert 0.05 - (pose[9] - pose[2]) == pytest.approx(G / k, rel=1e-3)
+
+
+def test_many_bodies_are_solved_densely_and_rest_with_their_weight():
+    """MuJoCo 4.0.0's sparse Newton solver, which it would take from 60 degrees on, is wrong."""
+    shape = "shape: box, size: [30 mm, 30 mm, 50 mm], stiffness: 20 kN/m"
+    rows = [(x, y) for x in (400, 440, 480, 520) for y in (200, 240, 280)]
+    boxes = ", ".join(
+        f"b{i}: {{{shape}, xyz: [{x} mm, {y} mm, 325 mm], free: true, mass: 1 kg}}"
+        for i, (x, y) in enumerate(rows)
+    )
+    pushed = Pushed(f"{TABLE}, {boxes}", damping=20.0)
+    assert pushed.model.nv == 7 + 6 * len(rows) >= 60
+    assert not mujoco.mj_isSparse(pushed.model)
+    poses = rest(pushed).reshape(len(rows), 7)
+    # Each stands on the table by itself, as deep as one alone does.
+    assert 0.325 - poses[:, 2] == pytest.approx(np.full(len(rows), G / 10e3), rel=1e-3)
+    # The joints that carry the arm push nothing: what the contacts bear is the boxes' weight.
+    world = pushed.data.qfrc_constraint[7:].reshape(len(rows), 6)[:, 2]
+    assert world == pytest.approx(np.full(len(rows), G), rel=1e-3)
 
 
 def test_a_sliding_body_is_braked_by_coulombs_friction():

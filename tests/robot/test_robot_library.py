@@ -186,9 +186,10 @@ def test_a_misspelt_name_is_an_error(load: Load) -> None:
     with pytest.raises(RobotError, match="no robot 'pnada'") as caught:
         load("pnada")
     assert (caught.value.code, caught.value.hint) == ("TS401", "did you mean 'panda'?")
-    with pytest.raises(RobotError) as caught:
-        load("kuka")
-    assert "planar2, planar3, ur5e, panda" in caught.value.hint
+    for another in ("kuka", "ur10e", "planar4"):
+        with pytest.raises(RobotError) as caught:
+            load(another)
+        assert "planar2, planar3, ur5e, panda" in caught.value.hint
 
 
 def test_specification_can_be_copied_and_extended(load: Load) -> None:

@@ -314,3 +314,67 @@ def test_what_is_not_held_against_the_links_is_said():
     empty = WORLD[: WORLD.index("world:")] + WORLD[WORLD.index("stages:") :]
     program = compile_unchecked(load_text(empty, "t.yaml"))
     assert not [*collision_rows(program)]
+
+
+# Terms
+
+
+def explained(*words):
+    result = CliRunner().invoke(app, ["explain", *words, "--format", "json"])
+    assert result.exit_code == 0, result.output
+    return {each["name"]: each for each in json.loads(result.stdout)["stages"]}
+
+
+def test_terms_are_shown_where_they_are_wanted():
+    """Masses of all configurations, H_x and g_x of the first; the region of (4.65) and (4.71)."""
+    path = str(TASKS / "press-parallel-pid.yaml")
+    stages = explained(path, "--terms")
+    assert set(stages) == {"approach", "press", "lift"}
+    for stage in stages.values():
+        terms = stage["terms"]
+        inertia = np.array(terms["inertia"])
+        assert inertia.shape == (6, 6)
+        np.testing.assert_allclose(inertia, inertia.T)
+        masses = np.linalg.eigvalsh(inertia[:3, :3])
+        assert terms["masses"][0] <= masses[0] + 1e-9
+        assert masses[-1] <= terms["masses"][1] + 1e-9
+        assert terms["coriolis"] > 0
+    assert stages["lift"]["terms"]["region"] > stages["press"]["terms"]["region"] > 0
+    assert stages["lift"]["terms"]["damping"] is None
+    # rho (lambda_M + Phi k_Cx) by hand.
+    press = stages["press"]
+    gains = {(g["gain"], axis): g for g in press["gains"] for axis in g["axes"]}
+    assert gains["force.integral", "z"]["value"]
+    has, needs = press["terms"]["damping"]
+    assert needs > 0
+    assert has > 0
+    assert "terms" not in [key for key, value in explained(path)["press"].items() if value]
+
+
+def test_the_condition_of_theorem_4_1_by_hand(tmp_path):
+    """rho = k_I / (1 + k_F) = 4 / 1.5; d_m is the least damping of the translations."""
+    law = (
+        "{kind: parallel-pid, stiffness: 400 N/m, damping: 60 N*s/m, "
+        "force: {proportional: 0.5, integral: 4 /s}}"
+    )
+    path = tmp_path / "press.yaml"
+    path.write_text(
+        "taskspec: 1\nrobot: {model: planar2, start: {joints: [20 deg, 80 deg]}}\n"
+        f"law: {law}\nstages: {{push: {{axes: {{x: {{force: 0}}}}, time: 0.1 s}}}}\n"
+    )
+    (stage,) = explained(str(path), "--terms").values()
+    terms = stage["terms"]
+    has, needs = terms["damping"]
+    assert has == 60
+    least = 4 / 1.5 * terms["masses"][1]
+    assert needs == pytest.approx(least + 4 / 1.5 * terms["region"] * terms["coriolis"], rel=0.02)
+    shown = CliRunner().invoke(app, ["explain", str(path), "--terms"]).stdout
+    assert "holds: d_m = 60 N*s/m, rho (lambda_M + Phi k_Cx) = " in " ".join(shown.split())
+
+
+def test_terms_without_a_trial_and_of_a_stage_that_is_not_reached():
+    path = str(TASKS / "wipe-table.yaml")
+    at_start = explained(path, "--terms", "--static")
+    assert {each["terms"]["where"] for each in at_start.values()} == {"at the start pose"}
+    unreached = explained(str(TASKS / "peg-in-hole.yaml"), "--terms")["lift"]["terms"]
+    assert unreached == "the trial does not come to this stage"

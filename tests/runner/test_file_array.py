@@ -100,10 +100,46 @@ def test_what_is_given_is_not_written() -> None:
     assert same(full(N, np.nan), np.full(N, np.nan))
 
 
+def test_the_room_of_an_array_is_used_again_once_nobody_has_it() -> None:
+    first = full(N, 1.0)
+    view, place = first[10:20], first.ctypes.data
+    del first
+    # A part of it is somebody's still.
+    second = full(N, 2.0)
+    assert second.ctypes.data != place
+    np.testing.assert_array_equal(view, 1.0)
+    del view
+    third = full(N, 3.0)
+    assert third.ctypes.data == place
+    np.testing.assert_array_equal(second, 2.0)
+
+
+def test_what_another_process_maps_too_is_not_used_again() -> None:
+    """A fork shares the pages: what the one writes the other one reads."""
+    before = full(N, 1.0)
+    gone = full(N, 5.0)
+    del gone
+    reading, writing = os.pipe()
+    child = os.fork()
+    if not child:
+        # The parent has given up its own by now, and filled others.
+        os.read(reading, 1)
+        held = float(before.sum())
+        os._exit(0 if held == N else 1)
+    del before
+    others = [full(N, 7.0) for _ in range(20)]
+    os.write(writing, b"x")
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert all((each == 7.0).all() for each in others)
+    os.close(reading)
+    os.close(writing)
+
+
 def test_without_room_arrays_stay_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     def no_room(*_: int) -> None:
         raise OSError(28, "No space left on device")
 
+    monkeypatch.setattr(file_array, "_ROOMS", file_array._Rooms())
     monkeypatch.setattr(os, "posix_fallocate", no_room)
     assert not isinstance(empty(N, float), FileArray)
     assert same(in_file(VALUES), VALUES)

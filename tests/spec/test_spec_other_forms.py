@@ -360,6 +360,15 @@ def test_other_words_for_the_ends_of_a_ramp(key: str, meant: str) -> None:
     assert first.hint == f"did you mean '{meant}'?"
 
 
+def test_sides_of_a_raster_stand_in_one_key() -> None:
+    raster = "path: {raster: {width: 9 mm, height: 5 mm, spacing: 1 mm}, speed: 9 mm/s}"
+    hints = [
+        each.hint for each in found(HEAD.replace("press: {time: 1 s}", f"press: {{{raster}}}"))
+    ]
+    sides = "did you mean 'size'? It is a list of all sides"
+    assert hints == [sides, sides, "did you mean 'pitch'?"]
+
+
 def test_a_phrase_with_a_colon() -> None:
     (only,) = found(f"{HEAD}expect: [peak force: 60 N]\n")
     assert only.hint == "write max(norm(force)) < 60 N"

@@ -179,11 +179,15 @@ def explain(
     static: Annotated[
         bool, typer.Option("--static", help="Leave out the trial: what the plan tells alone.")
     ] = False,
+    terms: Annotated[
+        bool,
+        typer.Option("--terms", help="Show inertia, gravity and Coriolis terms at the tool."),
+    ] = False,
 ) -> int:
     """Say what a task makes of itself and comes to in a trial; or what a code means."""
     from taskspec_runner.cli.explain import explain_what
 
-    return explain_what(what, given.sets, given.law, form, static=static)
+    return explain_what(what, given.sets, given.law, form, static=static, terms=terms)
 
 
 @_command

@@ -29,6 +29,7 @@ from taskspec_runner.cli.sheet.axes import LEGEND
 from taskspec_runner.cli.sheet.sheet import as_data, sheet
 from taskspec_runner.cli.sheet.stability import StabilitySheet
 from taskspec_runner.cli.sheet.stage import StageSheet
+from taskspec_runner.cli.sheet.terms import TermsSheet
 from taskspec_runner.errors import InputError
 from taskspec_runner.trial.check import TRIAL_TICKS
 from taskspec_runner.trial.trial import Trial, trial
@@ -44,6 +45,7 @@ def explain_what(
     form: RunFormat = RunFormat.TEXT,
     *,
     static: bool = False,
+    terms: bool = False,
 ) -> int:
     """Explains a task file under overrides, or a code if there is no such file.
 
@@ -53,12 +55,13 @@ def explain_what(
         law: a law that replaces those of the file.
         form: of what is shown.
         static: whether to leave the trial out.
+        terms: whether to show the terms of operational space.
     """
     as_json = form is RunFormat.JSON
     if not Path(what).exists() and _CODE.match(what):
         _explain_code(what.upper(), as_json=as_json)
     else:
-        _explain_file(Path(what), sets, law, as_json=as_json, static=static)
+        _explain_file(Path(what), sets, law, as_json=as_json, static=static, terms=terms)
     return 0
 
 
@@ -78,11 +81,17 @@ def _explain_code(code: str, *, as_json: bool) -> None:
 
 
 def _explain_file(
-    path: Path, sets: Sequence[str], law: str | None, *, as_json: bool, static: bool
+    path: Path,
+    sets: Sequence[str],
+    law: str | None,
+    *,
+    as_json: bool,
+    static: bool,
+    terms: bool,
 ) -> None:
     # Poles and bounds of the sheet come from the same analysis, so that it is made once.
     program = admit(examine(load(path, sets, law), stability=False))
-    shown = sheet(program, *((None, _STATIC) if static else _trial(program)))
+    shown = sheet(program, *((None, _STATIC) if static else _trial(program)), terms=terms)
     if as_json:
         _print(as_data(shown) | {"diagnostics": [record(d) for d in program.findings]})
         return
@@ -127,6 +136,7 @@ def _show_stage(stage: StageSheet) -> None:
         *([("tare", "what the sensor shows here on average becomes its zero")] * stage.tare),
         *stage.ends,
         *([] if stage.trial is None else stage.trial.rows),
+        *_terms(stage.terms),
     )
     axes = table("axis", "natural constraint", "artificial constraint", "by")
     for axis in stage.axes:
@@ -135,6 +145,12 @@ def _show_stage(stage: StageSheet) -> None:
     for gain in stage.gains:
         gains.add_row(*_cells(gain.gain, " ".join(gain.axes), gain.value, gain.origin))
     _section(f"stage {stage.name}", _pairs(facts), "", axes, *_at_rest(stage), "", gains)
+
+
+def _terms(terms: TermsSheet | str | None) -> tuple[tuple[str, str], ...]:
+    if isinstance(terms, TermsSheet):
+        return terms.rows
+    return () if terms is None else (("terms", f"none: {terms}"),)
 
 
 def _at_rest(stage: StageSheet) -> tuple[RenderableType, ...]:

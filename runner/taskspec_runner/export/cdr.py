@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 #: Little-endian CDR; sizes and alignment count from behind it.
 _ENCAPSULATION = b"\x00\x01\x00\x00"
+
+Bytes = NDArray[np.uint8]
 
 
 class Layout:
@@ -45,19 +47,16 @@ class Layout:
         """A `std_msgs/Header`."""
         return self.stamp().text(frame)
 
-    def message(self) -> bytes:
-        """A message without slots."""
+    @property
+    def template(self) -> bytes:
+        """A message with zeros in its slots."""
         return _ENCAPSULATION + bytes(self._template)
 
-    def messages(self, *slots: NDArray[Any]) -> Iterator[bytes]:
-        """One message for each row of the arrays that fill the slots, in their order."""
-        rows = len(slots[0])
-        filled = np.empty((rows, len(self._template)), dtype=np.uint8)
-        filled[:] = np.frombuffer(bytes(self._template), dtype=np.uint8)
+    def fill(self, messages: Bytes, slots: Sequence[NDArray[Any]]) -> None:
+        """Writes the slots of messages (n, size), a row each, from arrays (n, ...) in order."""
         for (start, size), values in zip(self._slots, slots, strict=True):
-            filled[:, start : start + size] = np.ascontiguousarray(values).view(np.uint8)
-        for row in filled:
-            yield _ENCAPSULATION + row.tobytes()
+            at = len(_ENCAPSULATION) + start
+            messages[:, at : at + size] = bytes_of(values)
 
     def _slot(self, size: int, alignment: int) -> Layout:
         self._align(alignment)
@@ -67,6 +66,11 @@ class Layout:
 
     def _align(self, to: int) -> None:
         self._template += bytes(-len(self._template) % to)
+
+
+def bytes_of(values: NDArray[Any]) -> Bytes:
+    """(n, size) bytes of an array (n, ...)."""
+    return np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
 
 
 def stamps(clock: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:

@@ -2,54 +2,43 @@
 
 from __future__ import annotations
 
-import heapq
 import json
-from collections.abc import Iterator
-from itertools import groupby
+from collections.abc import Iterator, Sequence, Set
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
 from taskspec_runner.export.cdr import Layout, stamps
+from taskspec_runner.export.chunks import ChunkedFile, Column
 from taskspec_runner.export.messages import SIGNALS, definition, signals_message
-from taskspec_runner.export.missing import library
 from taskspec_runner.export.poses import Poses
 from taskspec_runner.export.stream import LogStream
 from taskspec_runner.record.folder import json_text, mapping
 from taskspec_runner.record.history import History, history_of
 from taskspec_runner.record.names import SUMMARY, TASK
 
-WORLD, TOOL, TASK_FRAME = "world", "tool", "task"
-JOINT_STATES = "/joint_states"
+#: Frames; the wrench is about the origin of the last one, in axes that it shares with the task's.
+WORLD, TOOL, TASK_FRAME, CONTROL_POINT = "world", "tool", "task", "control_point"
+JOINT_STATES, WRENCH, WRENCH_MEASURED = "/joint_states", "/wrench", "/wrench_measured"
+STAGE_ENTERED, TOOL_POSE, FRAME_POSE, TRANSFORMS = "/stage", "/tool", "/task_frame", "/tf"
 #: Topic to message.
 TOPICS = {
     JOINT_STATES: "sensor_msgs/msg/JointState",
-    "/wrench": "geometry_msgs/msg/WrenchStamped",
-    "/wrench_measured": "geometry_msgs/msg/WrenchStamped",
-    "/stage": "std_msgs/msg/String",
+    WRENCH: "geometry_msgs/msg/WrenchStamped",
+    WRENCH_MEASURED: "geometry_msgs/msg/WrenchStamped",
+    STAGE_ENTERED: "std_msgs/msg/String",
 }
 #: Topics that need the program of the run.
 POSES = {
-    "/tool": "geometry_msgs/msg/PoseStamped",
-    "/task_frame": "geometry_msgs/msg/PoseStamped",
-    "/tf": "tf2_msgs/msg/TFMessage",
+    TOOL_POSE: "geometry_msgs/msg/PoseStamped",
+    FRAME_POSE: "geometry_msgs/msg/PoseStamped",
+    TRANSFORMS: "tf2_msgs/msg/TFMessage",
 }
 SCALARS = "/signals"
-#: What a reader of an unfinished file may lose [bytes].
-_CHUNK = 256 * 1024
-
-Messages = Iterator[tuple[str, int, bytes]]
-
-
-@dataclass(slots=True)
-class _LastPoses:
-    """The stage of the last row so far."""
-
-    stage: str = ""
 
 
 def write_mcap(log: LogStream, path: Path) -> None:
@@ -58,112 +47,115 @@ def write_mcap(log: LogStream, path: Path) -> None:
     Raises:
         MissingLibraryError: the library mcap is not installed.
     """
-    Writer = library("mcap.writer", "MCAP", "mcap").Writer
-    encoder = _Encoder(log)
     with path.open("wb") as file:
-        writer = Writer(file, chunk_size=_CHUNK)
-        writer.start("ros2", "taskspec")
-        channels = _register(writer, encoder, with_poses=log.poses is not None)
+        made = ChunkedFile(file, "ros2", "taskspec")
+        encoder = _Encoder(log, made)
         for batch in log:
-            for topic, time, data in encoder.encode(history_of(batch)):
-                writer.add_message(channels[topic], time, data, time)
-        writer.add_metadata("taskspec", log.metadata)
+            encoder.add(history_of(batch))
+        made.state("taskspec", log.metadata)
         if log.run.content and not log.run.damage:
-            writer.add_attachment(0, 0, TASK, "application/yaml", log.run.content)
+            made.attach(TASK, "application/yaml", log.run.content)
         if log.run.summary:
-            summary = json_text(log.run.summary).encode()
-            writer.add_attachment(0, 0, SUMMARY, "application/json", summary)
-        writer.finish()
-
-
-def _register(writer: Any, encoder: _Encoder, *, with_poses: bool) -> dict[str, int]:
-    schemas: dict[str, int] = {}
-    channels: dict[str, int] = {}
-    topics = {t: m for t, m in TOPICS.items() if encoder.joints or t != JOINT_STATES}
-    for topic, message in (topics | (POSES if with_poses else {})).items():
-        if message not in schemas:
-            text = definition(message).encode()
-            schemas[message] = writer.register_schema(message, "ros2msg", text)
-        channels[topic] = writer.register_channel(topic, "cdr", schemas[message])
-    signals = encoder.signals
-    scalars = writer.register_schema(SIGNALS, "ros2msg", signals.definition.encode())
-    units = {"units": json.dumps(signals.units)}
-    channels[SCALARS] = writer.register_channel(SCALARS, "cdr", scalars, units)
-    return channels
+            made.attach(SUMMARY, "application/json", json_text(log.run.summary).encode())
+        made.finish()
 
 
 class _Encoder:
     """Rows of a log as messages, in the order of time."""
 
-    def __init__(self, log: LogStream) -> None:
-        self.signals = signals_message(log.schema.names, log.units)
-        self._poses, self._last = log.poses, _LastPoses()
-        self.joints = sum(name.endswith(".position") and name.startswith("joint.")
+    def __init__(self, log: LogStream, file: ChunkedFile) -> None:
+        self._file, self._poses, self._last = file, log.poses, ""
+        self._signals = signals_message(log.schema.names, log.units)
+        self._joints = sum(name.endswith(".position") and name.startswith("joint.")
                            for name in log.units)  # fmt: skip
         names = list(mapping(log.run.summary.get("robot")).get("joints") or ())
-        if len(names) != self.joints:
-            names = [f"joint{i + 1}" for i in range(self.joints)]
+        if len(names) != self._joints:
+            names = [f"joint{i + 1}" for i in range(self._joints)]
         self._joint_state = _joint_state(names)
-        self._wrench = Layout().header(TASK_FRAME).numbers(6)
+        self._wrench = Layout().header(CONTROL_POINT).numbers(6)
+        self._pose = Layout().header(WORLD).numbers(7)
+        self._channels = self._registered(log)
 
-    def encode(self, rows: History) -> Messages:
-        """Topic, time [ns] and bytes of every message of some rows."""
+    def _registered(self, log: LogStream) -> dict[str, int]:
+        """Topics to their channels."""
+        schemas: dict[str, int] = {}
+        channels: dict[str, int] = {}
+        topics = {t: m for t, m in TOPICS.items() if self._joints or t != JOINT_STATES}
+        for topic, message in (topics | (POSES if self._poses is not None else {})).items():
+            if message not in schemas:
+                schemas[message] = self._file.schema(message, definition(message))
+            channels[topic] = self._file.channel(topic, schemas[message], {})
+        columns = self._signals.columns
+        units = {field: log.units.get(name, "") for field, name in columns.items()}
+        metadata = {"units": json.dumps(units), "columns": json.dumps(columns)}
+        schema = self._file.schema(SIGNALS, self._signals.definition)
+        channels[SCALARS] = self._file.channel(SCALARS, schema, metadata)
+        return channels
+
+    def add(self, rows: History) -> None:
+        """Writes every message of some rows."""
         times, when = stamps(rows.columns["clock"])
-        found = [
-            ("/wrench", times, self._wrench.messages(when, _wrench(rows, ""))),
-            ("/wrench_measured", times, self._wrench.messages(when, _wrench(rows, ".measured"))),
-            (SCALARS, times, self._scalars(rows, when)),
-            *self._posed(rows, times, when),
-        ]
-        if self.joints:
-            joints = self._joint_state.messages(when, *self._joint_values(rows))
-            found.insert(0, (JOINT_STATES, times, joints))
-        streams = [_stream(topic, at, messages) for topic, at, messages in found]
-        yield from heapq.merge(self._stages(rows, times), *streams, key=lambda entry: entry[1])
+        poses = dict[str, Poses]()
+        if self._poses is not None:
+            poses = dict(zip((TOOL, TASK_FRAME, CONTROL_POINT), self._poses.add(rows), strict=True))
+        joints = self._joint_values(rows) if self._joints else []
+        wrenches = {WRENCH: _wrench(rows, ""), WRENCH_MEASURED: _wrench(rows, ".measured")}
+        names = self._signals.columns.values()
+        values = np.column_stack([rows.columns[name] for name in names])
+        firsts = {visit.first for visit in rows.visits()}
+        for part, known in _parts(firsts, poses, len(rows)):
+            stage, now = str(rows.stages[part.start]), when[part]
+            # A stage that follows itself is entered anew; what goes on from the rows before is not.
+            if part.start in firsts and (part.start or stage != self._last):
+                entered = Column(self._channels[STAGE_ENTERED], Layout().text(stage))
+                self._file.add(times[part][:1], [entered])
+            self._last = stage
+            signals = Layout().header(WORLD).numbers(values.shape[1]).text(stage)
+            columns = [
+                Column(self._channels[topic], self._wrench, (now, wrench[part]))
+                for topic, wrench in wrenches.items()
+            ]
+            columns.append(Column(self._channels[SCALARS], signals, (now, values[part])))
+            if joints:
+                slots: list[NDArray[Any]] = [now, *(each[part] for each in joints)]
+                columns.insert(0, Column(self._channels[JOINT_STATES], self._joint_state, slots))
+            columns += self._posed({name: poses[name].rows(part) for name in known}, now)
+            self._file.add(times[part], columns)
 
     def _joint_values(self, rows: History) -> list[NDArray[np.float64]]:
         # Of a log from elsewhere some may be missing.
         none = np.full(len(rows), np.nan)
-        names = range(1, self.joints + 1)
+        names = range(1, self._joints + 1)
         return [
             np.column_stack([rows.columns.get(f"joint.{i}.{k}", none) for i in names])
             for k in ("position", "velocity", "torque")
         ]
 
-    def _scalars(self, rows: History, when: NDArray[np.uint32]) -> Iterator[bytes]:
-        values = np.column_stack([rows.columns[name] for name in self.signals.columns])
-        start = 0
-        for stage, run in groupby(rows.stages.tolist()):
-            here = slice(start, start := start + len(list(run)))
-            layout = Layout().header(WORLD).numbers(values.shape[1]).text(stage)
-            yield from layout.messages(when[here], values[here])
-
-    def _stages(self, rows: History, times: NDArray[np.int64]) -> Messages:
-        """The name of a stage, when it is entered."""
-        for visit in rows.visits():
-            if visit.first or visit.stage != self._last.stage:
-                yield "/stage", int(times[visit.first]), Layout().text(visit.stage).message()
-            self._last.stage = visit.stage
-
     def _posed(
-        self, rows: History, times: NDArray[np.int64], when: NDArray[np.uint32]
-    ) -> Iterator[tuple[str, NDArray[np.int64], Iterator[bytes]]]:
-        if self._poses is None:
-            return
-        tool, frame = self._poses.add(rows)
-        layout = Layout().header(WORLD).numbers(7)
-        for topic, poses in (("/tool", tool), ("/task_frame", frame)):
-            known = poses.known
-            values = (when[known], poses.places[known], poses.turns[known])
-            yield topic, times[known], layout.messages(values[0], np.hstack(values[1:]))
-        for poses, known in ((tool, tool.known), (frame, frame.known)):
-            child = TOOL if poses is tool else TASK_FRAME
-            yield "/tf", times[known], _transforms(child, poses, when, known)
+        self, poses: dict[str, NDArray[np.float64]], now: NDArray[np.uint32]
+    ) -> Iterator[Column]:
+        """Messages of the poses (n, 7) that are known, by their frames."""
+        for name, topic in ((TOOL, TOOL_POSE), (TASK_FRAME, FRAME_POSE)):
+            if name in poses:
+                yield Column(self._channels[topic], self._pose, (now, poses[name]))
+        if poses:
+            layout, slots = Layout().count(len(poses)), list[NDArray[Any]]()
+            for name, values in poses.items():
+                layout.header(WORLD).text(name).numbers(7)
+                slots += [now, values]
+            yield Column(self._channels[TRANSFORMS], layout, slots)
 
 
-def _stream(topic: str, times: NDArray[np.int64], messages: Iterator[bytes]) -> Messages:
-    for time, message in zip(times.tolist(), messages, strict=True):
-        yield topic, time, message
+def _parts(
+    visits: Set[int], poses: dict[str, Poses], rows: int
+) -> Iterator[tuple[slice, Sequence[str]]]:
+    """Rows that follow each other in one visit, with the names of those poses that are known."""
+    known = np.array([each.known for each in poses.values()]).reshape(len(poses), rows)
+    new = (known[:, 1:] != known[:, :-1]).any(axis=0)
+    firsts = {*(np.flatnonzero(new) + 1).tolist(), *visits}
+    for first, after in pairwise([*sorted(firsts), rows]):
+        names = [name for name, each in zip(poses, known[:, first], strict=True) if each]
+        yield slice(first, after), names
 
 
 def _joint_state(names: list[str]) -> Layout:
@@ -186,10 +178,3 @@ def _wrench(rows: History, suffix: str) -> NDArray[np.float64]:
         rows.columns.get(n, np.full(len(rows), x)) for n, x in zip(names, nothing, strict=True)
     )
     return np.column_stack([*columns])
-
-
-def _transforms(
-    child: str, poses: Poses, when: NDArray[np.uint32], known: NDArray[np.bool_]
-) -> Iterator[bytes]:
-    layout = Layout().count(1).header(WORLD).text(child).numbers(7)
-    return layout.messages(when[known], np.hstack([poses.places[known], poses.turns[known]]))

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import keyword
+import re
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from itertools import chain, count
+from typing import TypeVar
 
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.record.nested import path_of
@@ -34,6 +38,8 @@ _MESSAGES = {
     "std_msgs/msg/String": "string data\n",
 }
 SIGNALS = "taskspec_msgs/msg/Signals"
+Key = TypeVar("Key", bound=Hashable)
+_LEGAL = re.compile(r"[a-z](?:_?[a-z0-9]+)*")
 
 
 def definition(message: str) -> str:
@@ -59,13 +65,11 @@ class Signals:
 
     Attributes:
         definition: its fields, nested as the names of the columns are, units as comments.
-        columns: of the log, in the order of its numbers.
-        units: by path of the field.
+        columns: of the log by the paths of their fields, in the order of the message's numbers.
     """
 
     definition: str
-    columns: tuple[str, ...]
-    units: Mapping[str, str]
+    columns: Mapping[str, str]
 
 
 def signals_message(names: Sequence[str], units: Mapping[str, str]) -> Signals:
@@ -74,16 +78,24 @@ def signals_message(names: Sequence[str], units: Mapping[str, str]) -> Signals:
     for name in names:
         if name not in ("clock", "stage") and not name.startswith("joint."):
             group, field = _place(name)
-            groups.setdefault(group, {})[field] = name
-    top = groups.pop("", {})
-    lines, own = ["std_msgs/Header header\n", *_fields(top, units)], {}
-    for group, fields in groups.items():
-        kind = f"taskspec_msgs/Group{group[0].upper()}{group[1:]}"
-        lines.append(f"{kind} {group}\n")
-        own[kind] = "".join(_fields(fields, units))
-    columns = [*top.values(), *(name for fields in groups.values() for name in fields.values())]
-    paths = {field_of(name): units.get(name, "") for name in columns}
-    return Signals(complete("".join([*lines, "string stage\n"]), own), tuple(columns), paths)
+            groups.setdefault(group, {})[name] = field
+    own = groups.pop("", {})
+    # Fields without a group stand beside the groups, which may be called like one of them.
+    beside = {("", name): field for name, field in own.items()}
+    beside |= {(group, ""): group for group in groups}
+    fields = _legal(beside, taken=("header", "stage"))
+    lines = [_field(fields["", name], units.get(name, "")) for name in own]
+    columns = {fields["", name]: name for name in own}
+    messages, kinds = {}, set[str]()
+    for group, members in groups.items():
+        field, legal = fields[group, ""], _legal(members)
+        kind = _unique("".join(part.capitalize() for part in field.split("_")), kinds, "")
+        kind = f"taskspec_msgs/Group{kind}"
+        lines.append(f"{kind} {field}\n")
+        messages[kind] = "".join(_field(legal[name], units.get(name, "")) for name in members)
+        columns |= {f"{field}.{legal[name]}": name for name in members}
+    text = "".join(["std_msgs/Header header\n", *lines, "string stage\n"])
+    return Signals(complete(text, messages), columns)
 
 
 def _place(column: str) -> tuple[str, str]:
@@ -92,11 +104,32 @@ def _place(column: str) -> tuple[str, str]:
     return (groups[0], "_".join([*groups[1:], field])) if groups else ("", field)
 
 
-def _fields(fields: Mapping[str, str], units: Mapping[str, str]) -> list[str]:
-    said = {field: units.get(name, "") for field, name in fields.items()}
-    return [f"float64 {field}" + (f"  # [{u}]\n" if u else "\n") for field, u in said.items()]
+def _field(name: str, unit: str) -> str:
+    return f"float64 {name}" + (f"  # [{unit}]\n" if unit else "\n")
+
+
+def _legal(names: Mapping[Key, str], taken: Iterable[str] = ()) -> dict[Key, str]:
+    """The fields of names: as ROS 2 has them and all different, legal names as they are.
+
+    A field is of lower case, digits and single underlines, and begins with a letter, as the ROS 2
+    interface definition has it: `tableTop` becomes `table_top`. Words of Python, of which readers
+    make attributes, are not taken either.
+    """
+    found, used = dict[Key, str](), {*taken, *keyword.kwlist, *keyword.softkwlist}
+    for key in sorted(names, key=lambda key: _LEGAL.fullmatch(names[key]) is None):
+        snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", names[key]).lower()
+        found[key] = _unique(re.sub("_+", "_", snake).strip("_"), used)
+    return found
+
+
+def _unique(name: str, used: set[str], between: str = "_") -> str:
+    """A name, numbered where it is used."""
+    numbered = (f"{name}{between}{i}" for i in count(2))
+    made = next(each for each in chain([name], numbered) if each not in used)
+    used.add(made)
+    return made
 
 
 def field_of(column: str) -> str:
-    """The path of a column in the message of all scalars: `force.z.ref` is `force.z_ref`."""
+    """The path of a column whose names are legal fields: `force.z.ref` is `force.z_ref`."""
     return ".".join(filter(None, _place(column)))

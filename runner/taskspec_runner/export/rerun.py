@@ -37,9 +37,8 @@ def write_rerun(log: LogStream, path: Path) -> None:
                 recording.set_time(TIMELINE, duration=float(rows.columns["clock"][visit.first]))
                 recording.log("stage", rr.TextLog(visit.stage))
             last = visit.stage
-        for name, found in zip(
-            ("tool", "task"), log.poses.add(rows) if log.poses else (), strict=False
-        ):
+        poses = log.poses.add(rows) if log.poses else ()
+        for name, found in zip(("tool", "task", "control_point"), poses, strict=bool(poses)):
             known = found.known
             at = rr.TimeColumn(TIMELINE, duration=rows.columns["clock"][known])
             places = rr.Transform3D.columns(

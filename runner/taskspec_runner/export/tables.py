@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 
 import pyarrow as pa
@@ -11,6 +12,9 @@ import pyarrow.parquet as pq
 
 from taskspec_runner.export.stream import LogStream
 from taskspec_runner.record.history import STAGE
+
+#: Key of the checksum in a Parquet file's metadata.
+SCHEMA_SUM = "taskspec.schema"
 
 
 def write_csv(log: LogStream, path: Path) -> None:
@@ -37,11 +41,21 @@ def write_csv(log: LogStream, path: Path) -> None:
 
 
 def write_parquet(log: LogStream, path: Path) -> None:
-    """Writes a table with the log's types and units, and what is known of the run as metadata."""
-    with pq.ParquetWriter(path, log.schema) as writer:
+    """Writes a table with the log's types and units, and what is known of the run as metadata.
+
+    Its pages have checksums; of the schema, which the format has none for, there is one in the
+    metadata.
+    """
+    with pq.ParquetWriter(path, log.schema, write_page_checksum=True) as writer:
         for batch in log:
             writer.write_batch(batch)
-        writer.add_key_value_metadata(log.metadata)
+        writer.add_key_value_metadata(log.metadata | {SCHEMA_SUM: schema_sum(log.schema)})
+
+
+def schema_sum(schema: pa.Schema) -> str:
+    """A checksum of the columns' names, types and units, in their order."""
+    fields = [(f.name, str(f.type), (f.metadata or {}).get(b"unit")) for f in schema]
+    return f"{zlib.crc32(repr(fields).encode()):08x}"
 
 
 def _text(column: pa.Array) -> pa.Array:

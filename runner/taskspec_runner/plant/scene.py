@@ -103,6 +103,10 @@ def _set_options(option: mujoco.MjOption, period: float, ratio: float) -> None:
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = ratio
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    # From 60 degrees of freedom on it would be sparse, and MuJoCo 4.0.0's sparse Newton solver is
+    # wrong by as much as the acceleration itself in some piles (repaired in 4.0.1). Below, dense is
+    # what MuJoCo takes by itself.
+    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     option.tolerance = 1e-14
     option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     # Otherwise a diverged state is reset in silence and the run goes on.

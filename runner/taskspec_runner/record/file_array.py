@@ -14,8 +14,10 @@ import mmap
 import os
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,10 @@ from numpy.typing import NDArray
 BLOCK_ROWS = 1 << 15
 #: Arrays of more bytes than this go to a file.
 LARGE = 1 << 20
+#: Sizes of files, so that those of arrays of some rows more fit too [bytes].
+_STEP = 1 << 20
+#: What is kept of files that nobody uses [bytes].
+_FREE = 1 << 26
 _FALLBACK_FOLDER = Path("/var/tmp")
 
 
@@ -52,19 +58,67 @@ def empty(shape: int | tuple[int, ...], dtype: Any) -> NDArray[Any]:
     size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
     if size <= LARGE:
         return np.empty(shape, dtype)
-    try:
-        descriptor = unnamed_file()
-    except OSError:
+    memory = _ROOMS.take(size)
+    if memory is None:
         return np.empty(shape, dtype)
-    try:
-        # Room on the disk now: a mapped page that finds none later ends the process.
-        os.posix_fallocate(descriptor, 0, size)
-        memory = mmap.mmap(descriptor, size)
-    except (OSError, ValueError):
-        return np.empty(shape, dtype)
-    finally:
-        os.close(descriptor)
-    return np.frombuffer(memory, dtype).reshape(shape).view(FileArray)
+    whole = np.frombuffer(memory, dtype, size // dtype.itemsize)
+    # Views hold this array, so that nobody has the room any more when it is gone.
+    finalize(whole, _ROOMS.give, memory, _ROOMS.forks).atexit = False
+    return whole.reshape(shape).view(FileArray)
+
+
+class _Rooms:
+    """Files that are mapped; those of arrays that are gone are used again.
+
+    The pages of a new file take twenty times as long as an operation that fills them.
+
+    Attributes:
+        forks: how often the process has forked. What was mapped before is shared with the other
+            process, which may still read it.
+    """
+
+    def __init__(self) -> None:
+        #: By their size. Each step on a list is one of the interpreter's, for several threads.
+        self._free: dict[int, list[mmap.mmap]] = {}
+        self.forks = 0
+
+    def take(self, size: int) -> mmap.mmap | None:
+        """Room for so many bytes, of any content; None where there is none."""
+        size = -(-size // _STEP) * _STEP
+        with suppress(KeyError, IndexError):
+            # Last in, first out: its pages are still in memory.
+            return self._free[size].pop()
+        try:
+            descriptor = unnamed_file()
+        except OSError:
+            return None
+        try:
+            # Room on the disk now: a mapped page that finds none later ends the process.
+            os.posix_fallocate(descriptor, 0, size)
+            return mmap.mmap(descriptor, size)
+        except (OSError, ValueError):
+            return None
+        finally:
+            os.close(descriptor)
+
+    def give(self, memory: mmap.mmap, forks: int) -> None:
+        """Takes back the room of an array that is gone."""
+        if forks == self.forks:
+            self._free.setdefault(len(memory), []).append(memory)
+            if sum(size * len(kept) for size, kept in [*self._free.items()]) > _FREE:
+                for kept in [*self._free.values()]:
+                    with suppress(IndexError):
+                        del kept[0]
+
+    def fork(self) -> None:
+        """Lets go of all that the other process maps too."""
+        self.forks += 1
+        self._free.clear()
+
+
+_ROOMS = _Rooms()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_ROOMS.fork)
 
 
 def full(rows: int, value: float) -> NDArray[Any]:

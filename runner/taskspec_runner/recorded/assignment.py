@@ -446,6 +446,9 @@ class Assignment:
     def _own(self, name: str) -> Iterator[str]:
         """What the project's own exports call a signal."""
         yield name
+        if name in self._source.columns:
+            yield self._source.columns[name]
+        # A copy by another program may have lost what the file says of its columns.
         yield f"/signals.{field_of(name)}"
         head, _, rest = name.partition(".")
         number, _, of = rest.partition(".")

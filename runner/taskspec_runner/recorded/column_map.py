@@ -29,6 +29,7 @@ from taskspec.text.units import FREQUENCY, NUMBER, TIME, split_quantity, to_si
 from taskspec.text.yaml import MAX_BYTES, read
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.whole import open_regular
+from taskspec_runner.recorded.source import COMMA, POINT
 from taskspec_runner.recorded.stamps import FIRST, LAST, MEAN
 from taskspec_runner.recorded.units import column_unit
 
@@ -40,6 +41,19 @@ _READY = Path(__file__).parent / "maps"
 _ELSEWHERE_IN_THE_MAP = {
     key: f"'{key}' stands at the top of the map, beside 'signals'"
     for key in ("repeated", "gap", "rate", "stage", "stages")
+}
+#: Groups of signals, and what people call them, with a signal of each.
+_GROUPS = {
+    group: signal
+    for signal, groups in {
+        "force.z": ("force", "forces", "wrench", "F"),
+        "torque.rx": ("torque", "torques", "moment", "moments"),
+        "position.z": ("position", "pose", "tcp", "xyz"),
+        "position.rx": ("orientation", "rotation", "rpy"),
+        "velocity.z": ("velocity", "twist"),
+        "joint.1.position": ("joint", "joints", "q"),
+    }.items()
+    for group in groups
 }
 #: What stands before the name of a line above the columns, which has a unit or a factor.
 LINE, PER_LINE = "line ", "1/line "
@@ -397,6 +411,7 @@ class ColumnMap(Model):
         rate: samples a second that the log is to have [Hz]; None for any.
         repeated: which of several samples with one stamp counts; None for an error.
         header: line of a CSV file with the names of the columns; None to find it.
+        decimal: what stands before the decimals of its numbers; None to find it.
         optional: whether signals are left out whose columns a log does not have.
     """
 
@@ -408,6 +423,16 @@ class ColumnMap(Model):
         "signals: {force.z: {column: Fz, offset: first 0.5 s}}",
         "start": "a start belongs to the time: time: {column: stamp, start: 2.5 s}",
     }
+
+    @classmethod
+    def advice_on(cls, key: str, data: Map) -> str:
+        """Signals and their groups stand under `signals`."""
+        group = key.partition(".")[0]
+        if group in _GROUPS:
+            column = f"{_GROUPS[group]}: {{column: .., unit: ..}}"
+            return f"signals stand one by one under 'signals': {column}"
+        return super().advice_on(key, data)
+
     about: Annotated[str, Free()] = Field("", title="What logs it is for")
     source: Annotated[str, Free()] = Field("", title="Where their columns are documented")
     assumes: Annotated[str, Free()] = Field("", title="The sign and axes that it assumes")
@@ -430,6 +455,9 @@ class ColumnMap(Model):
     )
     header: Annotated[float, Constant(NUMBER, least=1)] | None = Field(
         None, title="Line of a CSV file with the names of the columns"
+    )
+    decimal: Annotated[Literal["point", "comma"], Word((POINT, COMMA), "mark")] | None = Field(
+        None, title="What stands before the decimals in a CSV file"
     )
     optional: Annotated[bool, Switch()] = Field(
         False, title="Whether signals without a column in the log are left out"

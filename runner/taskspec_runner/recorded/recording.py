@@ -71,7 +71,8 @@ def read_recording(
         InputError: log or map cannot be used; the message says what, where and what to do.
     """
     header = None if columns.map.header is None else int(columns.map.header)
-    return _Reading(program, open_source(log, header), columns, mirrored).recording()
+    source = open_source(log, header, columns.map.decimal)
+    return _Reading(program, source, columns, mirrored).recording()
 
 
 class _Reading:

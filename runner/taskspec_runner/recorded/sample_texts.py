@@ -31,6 +31,10 @@ class SampleTexts:
         """The first sample with a text."""
         return int(np.argmax(self.codes == code))
 
+    def ordered(self, order: NDArray[np.int64]) -> SampleTexts:
+        """The same of the samples in another order (n,)."""
+        return SampleTexts(self.names, np.asarray(self.codes)[order])
+
 
 class SampleTextsBuilder:
     """Texts as they come."""
@@ -41,11 +45,16 @@ class SampleTextsBuilder:
 
     def add(self, texts: Sequence[str]) -> None:
         """Takes the texts of some more samples."""
+        once = {text: code for code, text in enumerate(dict.fromkeys(texts))}
+        self.add_coded([*once], np.array([once[text] for text in texts], dtype=np.int64))
+
+    def add_coded(self, texts: Sequence[str], codes: NDArray[np.int64]) -> None:
+        """Takes the texts of some more samples: each once, and its number in every sample (n,)."""
         if len(self._codes) > _MOST_TEXTS:
             return
         known = self._codes
-        codes = np.array([known.setdefault(text, len(known)) for text in texts], dtype=float)
-        self._columns.add({"codes": codes})
+        own = np.array([known.setdefault(text, len(known)) for text in texts], dtype=float)
+        self._columns.add({"codes": own[codes]})
 
     def words(self, what: str) -> SampleTexts:
         """All of them, once.

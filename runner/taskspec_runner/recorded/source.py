@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, BinaryIO, Protocol
 
 import numpy as np
@@ -19,6 +20,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from taskspec_runner.errors import InputError
+from taskspec_runner.export.tables import SCHEMA_SUM, schema_sum
 from taskspec_runner.record.mapped import GrowingColumns
 from taskspec_runner.record.whole import open_regular
 from taskspec_runner.recorded.sample_texts import SampleTexts, SampleTextsBuilder
@@ -29,6 +31,11 @@ Vector = NDArray[np.float64]
 _UNIT = re.compile(r"\A(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*\Z")
 #: What parts the columns of a text, in the order of preference; the last is any white space.
 _SEPARATORS = ("\t", ";", ",", " ")
+#: The words of a column map for what stands before the decimals of a number.
+POINT, COMMA = "point", "comma"
+_WITH_COMMA = re.compile(r"\A[+-]?\d*,\d+(?:[eE][+-]?\d+)?\Z")
+#: A number whose comma may part thousands.
+_THOUSANDS = re.compile(r"\A[+-]?[1-9]\d{0,2},\d{3}\Z")
 #: Lines from which separator and header are found, and bytes that these may have.
 _FIRST_LINES, _LONGEST_HEADER = 200, 1 << 20
 #: Bytes of a CSV file that are read at a time; no line is longer.
@@ -45,6 +52,7 @@ class LogSource(Protocol):
         form: of it, in a word.
         units: columns, and the unit that the file states of each; empty where it states none.
         lines: what a text says above its columns, by the word that each line begins with.
+        columns: columns of a run's log that the file says it has, and what they are called in it.
         stated: metadata of the file.
         timed: whether each column has times of its own, as messages have; a message holds until
             the next one.
@@ -54,6 +62,7 @@ class LogSource(Protocol):
     form: str
     units: Mapping[str, str]
     lines: Mapping[str, str]
+    columns: Mapping[str, str]
     stated: Mapping[str, str]
     timed: bool
 
@@ -94,6 +103,7 @@ class LogTable:
     """A CSV or Parquet file: one row a sample."""
 
     timed = False
+    columns: Mapping[str, str] = MappingProxyType({})
 
     def __init__(
         self,
@@ -103,6 +113,7 @@ class LogTable:
         batches: Batches,
         first: int,
         lines: Mapping[str, str],
+        decimal: str = POINT,
         stated: Mapping[str, str] | None = None,
     ) -> None:
         """Takes a table.
@@ -114,8 +125,9 @@ class LogTable:
             batches: reads some of the columns.
             first: number of the first row for a reader; 2 where a header stands before it.
             lines, stated: see `LogSource`.
+            decimal: what stands before the decimals of numbers that are texts.
         """
-        self.stated = stated or {}
+        self._decimal, self.stated = decimal, stated or {}
         self.path, self.form, self.units, self.lines = path, form, units, lines
         self._batches, self._first = batches, first
 
@@ -140,6 +152,8 @@ class LogTable:
 
     def _parsed(self, name: str, column: pa.Array, first: int) -> Vector:
         texts = pa.compute.utf8_trim_whitespace(column.fill_null(""))
+        if self._decimal == COMMA:
+            texts = pa.compute.replace_substring(texts, ",", ".")
         missing = pa.compute.is_in(texts, value_set=pa.array(["", "nan", "NaN", "NAN", "null"]))
         try:
             values = pa.compute.if_else(missing, None, texts).cast(pa.float64())
@@ -184,7 +198,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def read_csv(path: Path, header: int | None = None) -> LogTable:
+def read_csv(path: Path, header: int | None = None, decimal: str | None = None) -> LogTable:
     """A text of lines; columns may be parted by a comma, a semicolon, a tab or white space.
 
     A last line without an end may have been cut short and is left out.
@@ -193,9 +207,12 @@ def read_csv(path: Path, header: int | None = None) -> LogTable:
         path: of the file.
         header: line with the names of the columns, from 1 on; None for the first line that has as
             many cells as most lines, and no number.
+        decimal: what stands before the decimals of its numbers, `POINT` or `COMMA`; None to find
+            it.
 
     Raises:
-        InputError: it is no such text, has no header, or no row.
+        InputError: it is no such text, has no header, or no row, or a comma in its numbers may part
+            decimals or thousands.
     """
     try:
         with open_regular(path) as file:
@@ -223,10 +240,14 @@ def read_csv(path: Path, header: int | None = None) -> LogTable:
         raise InputError(f"cannot read {path}: it has a header and no sample")
     if end <= start:
         raise InputError(f"cannot read {path}: it holds no whole sample")
+    try:
+        decimal = decimal or _decimal(lines[at + 1 :], separator)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
     rows = _CsvRows(path, separator, len(names), start, end)
     above = (_cells(line, separator) for line in lines[:at])
     stated = {cells[0].rstrip(" :"): cells[1] for cells in above if len(cells) > 1}
-    return _table(path, "CSV", names, [""] * len(names), rows.batches, at + 2, stated)
+    return _table(path, "CSV", names, [""] * len(names), rows.batches, at + 2, stated, decimal)
 
 
 def _header(lines: Sequence[str], stated: int | None) -> tuple[int, str]:
@@ -251,6 +272,25 @@ def _header(lines: Sequence[str], stated: int | None) -> tuple[int, str]:
     at = first if stated is None else stated - 1
     text = lines[min(at, len(lines) - 1)]
     return at, max(_SEPARATORS[:3], key=text.count)
+
+
+def _decimal(lines: Sequence[str], separator: str) -> str:
+    """What stands before the decimals of the numbers of some lines.
+
+    Raises:
+        ValueError: a comma may part decimals or thousands.
+    """
+    cells = [cell for line in lines for cell in _cells(line, separator)]
+    commas = [cell for cell in cells if _WITH_COMMA.match(cell)]
+    if not commas or any("." in cell and _is_number(cell) for cell in cells):
+        return POINT
+    if all(map(_THOUSANDS.match, commas)):
+        whole = commas[0].replace(",", "")
+        raise ValueError(
+            f"'{commas[0]}' may be {commas[0].replace(',', '.')} or {whole}; say which in the "
+            "column map: decimal: comma, or decimal: point"
+        )
+    return COMMA
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -354,29 +394,42 @@ def read_parquet(path: Path) -> LogTable:
         metadata = file.metadata.metadata or {}
     stated = {key.decode("utf-8", "replace"): value.decode("utf-8", "replace")
               for key, value in metadata.items()}  # fmt: skip
+    if SCHEMA_SUM in stated and stated[SCHEMA_SUM] != schema_sum(schema):
+        raise InputError(
+            f"cannot read {path}: it is no whole Parquet file (the checksum of its schema is "
+            "another one)"
+        )
     units = [(f.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for f in schema]
     names = [field.name for field in schema]
 
     def batches(columns: Sequence[int]) -> Iterator[pa.RecordBatch]:
         with _parquet(path) as file:
-            wanted = [names[number] for number in columns]
+            wanted, left = [names[number] for number in columns], rows
             for batch in file.iter_batches(ROWS, columns=wanted, use_threads=False):
                 # A name with dots may bring others, of which it is the beginning.
                 found = [batch.column(batch.schema.get_field_index(name)) for name in wanted]
+                left -= batch.num_rows
                 yield pa.RecordBatch.from_arrays(found, wanted)
+        if left:
+            raise InputError(
+                f"cannot read {path}: it is no whole Parquet file (it holds {rows - left} of "
+                f"{rows} samples)"
+            )
 
     if not rows:
         raise InputError(f"cannot read {path}: it holds no sample")
-    return _table(path, "Parquet", names, units, batches, 1, {}, stated)
+    return _table(path, "Parquet", names, units, batches, 1, {}, stated=stated)
 
 
 @contextmanager
 def _parquet(path: Path) -> Iterator[pq.ParquetFile]:
     try:
         # Read ahead, the whole file would be in memory.
-        with pq.ParquetFile(path, buffer_size=_BUFFER, pre_buffer=False) as file:
+        with pq.ParquetFile(
+            path, buffer_size=_BUFFER, pre_buffer=False, page_checksum_verification=True
+        ) as file:
             yield file
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         said = " ".join(str(error).split())
         raise InputError(f"cannot read {path}: it is no whole Parquet file ({said})") from error
 
@@ -389,12 +442,13 @@ def _table(
     batches: Callable[[Sequence[int]], Iterator[pa.RecordBatch]],
     first: int,
     lines: Mapping[str, str],
+    decimal: str = POINT,
     stated: Mapping[str, str] | None = None,
 ) -> LogTable:
     """A table whose columns are called without the units that stand behind their names.
 
     Args:
-        path, form, first, lines, stated: see `LogTable`.
+        path, form, first, lines, decimal, stated: see `LogTable`.
         names: of the columns, with or without units.
         units: that stand elsewhere.
         batches: reads some columns, by their numbers.
@@ -412,7 +466,7 @@ def _table(
             yield batch.rename_columns(list(wanted))
 
     named_units = dict(zip(bare, stating, strict=True))
-    return LogTable(path, form, named_units, read, first, lines, stated)
+    return LogTable(path, form, named_units, read, first, lines, decimal, stated)
 
 
 def named(text: str) -> tuple[str, str]:
@@ -426,17 +480,19 @@ def named(text: str) -> tuple[str, str]:
     return match[1], match[2].strip()
 
 
-def open_source(path: Path, header: int | None = None) -> LogSource:
+def open_source(path: Path, header: int | None = None, decimal: str | None = None) -> LogSource:
     """A log, by what it begins with: Parquet, MCAP, else CSV.
 
     Args:
         path: of the file.
         header: line of a CSV file that names the columns; None to find it.
+        decimal: what stands before the decimals of its numbers; None to find it.
 
     Raises:
         InputError: it is none of them, or is empty or cut short.
     """
-    from taskspec_runner.recorded.messages import MAGIC, read_mcap
+    from taskspec_runner.export.chunks import MAGIC
+    from taskspec_runner.recorded.messages import read_mcap
 
     try:
         with open_regular(path) as file:
@@ -449,4 +505,4 @@ def open_source(path: Path, header: int | None = None) -> LogSource:
         return read_mcap(path)
     if head.startswith(b"PAR1") or path.suffix == ".parquet":
         return read_parquet(path)
-    return read_csv(path, header)
+    return read_csv(path, header, decimal)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from taskspec_runner.pages.chart import Chart, size
+from taskspec_runner.pages.chart import Chart, Section, size
 from taskspec_runner.pages.picture import Picture, Square, picture_svg
 from taskspec_runner.pages.timeline import Timeline
 from taskspec_runner.record.visits import StageVisit
@@ -27,13 +27,19 @@ _PATH_TICKS = 100_000
 _BORNE = 0.05
 
 
-def overview_svg(run: Run, wanted: Sequence[Chart] | None = None) -> str:
+def overview_svg(
+    run: Run,
+    wanted: Sequence[Chart] | None = None,
+    parts: Sequence[Section] | None = None,
+) -> str:
     """A picture of a run, 860 px wide, for light and dark pages.
 
     Args:
         run: to show.
         wanted: charts in place of the usual ones, without the path.
+        parts: sections of its page, where they have been made.
     """
+    parts = figures.sections(run) if parts is None and wanted is None else parts
     laws = dict.fromkeys(v.law for v in run.visits if v.law)
     facts = [run.robot, ", ".join(laws)]
     if is_recorded(run):
@@ -44,15 +50,15 @@ def overview_svg(run: Run, wanted: Sequence[Chart] | None = None) -> str:
         ", ".join(fact for fact in facts if fact),
         verdict(run).kind,
         Timeline.of(run),
-        _chosen(run) if wanted is None else wanted,
+        _chosen(run, parts or ()) if wanted is None else wanted,
         square=_path(run) if wanted is None else None,
         faults=fault_spans(run),
     )
 
 
-def _chosen(run: Run) -> list[Chart]:
+def _chosen(run: Run, parts: Sequence[Section]) -> list[Chart]:
     """Force against reference, else all forces; what limits were about; and the position."""
-    charts = {chart.key: chart for part in figures.sections(run) for chart in part.charts}
+    charts = {chart.key: chart for part in parts for chart in part.charts}
     controlled = [chart for key, chart in charts.items() if key.endswith(".ref")]
     controlled.sort(key=_interest)
     left = charts.get("force_inconsistent")

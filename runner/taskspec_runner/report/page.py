@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +86,8 @@ def write_report(run: Run) -> Path:
 
 def render(run: Run, still: tuple[str, float] | None = None) -> str:
     """The page of a run, with a picture of the arm at a run time [s] where there is one."""
-    shown = to_rest.going_on(run, figures.sections(run))
+    parts = figures.sections(run)
+    shown = to_rest.going_on(run, parts)
     charts = [chart for each in shown for chart in each.charts]
     main, said = _main(run, charts), verdict(run)
     time = Timeline.of(run)
@@ -97,7 +98,7 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
     return document(
         f"{title}: {said.kind}",
         head(kind, title, _text(run.summary.get("about")), _outcome(run, said, bool(charts))),
-        *_first(run, time, main),
+        *_first(run, time, main, parts),
         _expectations(run, said),
         _findings(run),
         section("", pairs(_facts(run), "facts")),
@@ -136,13 +137,15 @@ def _outcome(run: Run, said: Verdict, drawn: bool) -> Markup:
     return outcome(said.kind, word, *why, *suspected, beside=look, id="verdict")
 
 
-def _first(run: Run, time: Timeline, main: Chart | None) -> tuple[Markup, ...]:
+def _first(
+    run: Run, time: Timeline, main: Chart | None, parts: Sequence[Section]
+) -> tuple[Markup, ...]:
     """The chart to see first, below the buttons for the window of all."""
     if main is None:
         text = "The log holds no complete batch of ticks, so there is nothing to draw."
         return (element("section", note(text)),)
     place = section("", figure(main), look="charts main")
-    return bar(time.stages(), "Whole run"), patience(Markup(overview_svg(run))), place
+    return bar(time.stages(), "Whole run"), patience(Markup(overview_svg(run, parts=parts))), place
 
 
 def _charts(part: Section, main: Chart | None) -> Markup:

@@ -17,6 +17,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.plan import StagePlan
+from taskspec.program.plan.design import FLIPPING
 from taskspec.program.sensor import SensorModel
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.rebuild import GRAVITY
@@ -49,8 +50,6 @@ STOP_SPEED = {False: 0.01, True: 0.02}
 COMMANDED = 0.97
 #: How far a flip from reading to reading may be from its frequency, of that.
 FLIPS = 0.1
-#: A late force that is answered by so many times as much grows.
-GROWS = 2.0
 #: A motor is at its limit from this share of it on.
 SATURATED = 0.995
 #: Ticks before an end of which a saturation is read off.
@@ -230,10 +229,10 @@ def blow(moment: Moment) -> Cause | None:
 def late_force(moment: Moment, frequency: float) -> Cause | None:
     """A measured force that flips from reading to reading, of an oscillation's frequency [Hz].
 
-    On a force axis a law makes h z'' = u + f, with h the mass that is free to turn. Where friction
-    or a wall holds the tool, nothing turns: it takes r = Lambda h^-1 times as much force to move it
-    so, all of it is borne at once, and the error u + f of a reading that is d ticks old becomes
-    (1 - r) times itself: beyond r = 2 it grows, at 1/(2 (d + 1) T).
+    On a force axis a law makes m z'' = u + f, with its apparent mass m or that which is free to
+    turn. Where friction or a wall holds the tool, nothing turns: it takes r = Lambda / m times as
+    much force to move it so, all of it is borne at once, and the error u + f of a reading that is d
+    ticks old becomes (1 - r) times itself: beyond r = 2 it grows, at 1/(2 (d + 1) T).
     """
     stage = moment.stage
     period, sensor = stage.context.period, moment.true.robot.sensor
@@ -241,19 +240,31 @@ def late_force(moment: Moment, frequency: float) -> Cause | None:
     if not moment.touches or abs(2 * ticks * period * frequency - 1) > FLIPS:
         return None
     plants = stage.design_rules.plants
-    ratios = {a: plants[a].held / plants[a].h for a, plan in stage.plans.items() if plan.force}
-    axis = max(ratios, key=lambda a: ratios[a], default=None)
-    if axis is None or ratios[axis] <= GROWS:
+    by_law = stage.gains.get("force.mass") or stage.gains.get("mass", {})
+    masses = {
+        a: by_law[a].value if a in by_law else plants[a].h
+        for a, plan in stage.plans.items()
+        if plan.force
+    }
+    axis = max(masses, key=lambda a: plants[a].held / masses[a], default=None)
+    if axis is None or plants[axis].held <= FLIPPING * masses[axis]:
         return None
-    mass = axis.of(MASS)
+    ratio, mass = plants[axis].held / masses[axis], axis.of(MASS)
+    # (1 - b) r = 1, with the b of a low-pass of this frequency.
+    low_pass = -np.log1p(-1 / ratio) / (2 * np.pi * period)
     contact = f"{moment.pressed!r}" if moment.pressed else "what it touches"
     late = "a tick" if ticks == 1 else f"{ticks} ticks"
+    remedies = [
+        f"give the sensor a low-pass, such as robot.sensor: {{filter: {show(low_pass, 'Hz', 2)}}}",
+        f"hold {axis!r} instead of controlling its {'torque' if axis.is_rotation else 'force'}",
+    ]
+    if axis in by_law and by_law[axis].origin == "file":
+        remedies.insert(0, f"leave out the mass of {axis!r}, which is then designed")
     return Cause(
         f"the force comes {late} late, and {contact} holds the tool, which has "
         f"{show(plants[axis].held, mass, 2)} along {axis!r} there and not the "
-        f"{show(plants[axis].h, mass, 2)} that it has where it is free to turn, as the law has it",
-        "give the sensor a low-pass, such as robot.sensor: {filter: 100 Hz}, or hold "
-        f"{axis!r} instead of controlling its {'torque' if axis.is_rotation else 'force'}",
+        f"{show(masses[axis], mass, 2)} that the law moves",
+        ", or ".join(remedies),
         _axis_place(moment, axis),
     )
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -25,11 +26,15 @@ from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import kinematic_terms
+from taskspec.robot.rigid_body import rigid_body
 from taskspec.signals import SCALARS, VECTORS, MovingPose, Situation
 from taskspec_runner.record.file_array import blocks, empty
 from taskspec_runner.record.history import History, Visit
 
 Vector = NDArray[np.float64]
+
+#: Under which the tip stands among frames, of which none is called so.
+_TIP = ""
 
 
 class Replay:
@@ -56,9 +61,14 @@ class Replay:
         self._stages = {stage.name: stage for stage in stages}
         self._visits = tuple(history.visits())
         self._firsts = [visit.first for visit in self._visits]
-        self._placing: dict[str, tuple[RowFunction, _Faces]] = {}
+        self._faces_of: dict[str, _Faces] = {}
+        #: Of each frame what places it, and what places the tip.
+        self._placing: dict[str, RowFunction] = {}
         self._twists: dict[str, RowFunction] = {}
         self._levers: dict[int, Vector] = {}
+        #: Memory of tracking frames at the last tick; and that from ticks which are not there.
+        self._memory: Memory | None = None
+        self._resumed: Memory | None = None
         self._found: dict[tuple[str, str], Vector] = {}
 
     def signal(self, name: str, axis: str | None, frame_name: str) -> Vector:
@@ -305,16 +315,14 @@ class Replay:
     @cached_property
     def _tip(self) -> Vector:
         """(n, 12) place of the tip and its axes, by columns."""
-        twin, columns = self._robot.twin(), self._history.columns
+        n, columns = self._robot.n, self._history.columns
+        if _TIP not in self._placing:
+            self._placing[_TIP] = RowFunction(_tip(self._robot))
+        mapped = self._placing[_TIP]
 
         def part(rows: slice) -> Vector:
-            q = np.column_stack([columns[f"joint.{i + 1}.position"][rows] for i in range(twin.n)])
-            result = np.empty((len(q), 12))
-            for row, joints in enumerate(q):
-                pose = twin.tip(joints)
-                result[row, :3] = pose.translation
-                result[row, 3:] = pose.rotation.ravel(order="F")
-            return result
+            joints = [columns[f"joint.{i + 1}.position"][rows] for i in range(n)]
+            return mapped(np.column_stack(joints))[0]
 
         return self._by_blocks(12, part)
 
@@ -325,11 +333,13 @@ class Replay:
 
     def _placed_rows(self, frame: FrameModel, rows: slice) -> tuple[Vector, ...]:
         """(k, 3), (k, 9) origin and axes of a frame: in the world, and against what carries it."""
+        if frame.name not in self._faces_of:
+            self._faces_of[frame.name] = self._faces(frame)
+        faces = self._faces_of[frame.name]
         if frame.name not in self._placing:
-            base, faces = self._bases.get(frame.base_name), self._faces(frame)
-            placed = _placed(self._robot, frame, base, faces.size)
-            self._placing[frame.name] = RowFunction(placed), faces
-        function, faces = self._placing[frame.name]
+            base = self._bases.get(frame.base_name)
+            self._placing[frame.name] = RowFunction(_placed(self._robot, frame, base, faces.size))
+        function = self._placing[frame.name]
         arguments = (*self._tip_rows(rows), self._clock(rows))
         return function(*arguments, *((faces.at(rows),) if faces.size else ()))
 
@@ -378,13 +388,14 @@ class Replay:
         """(9,) what a frame that tracks something had in its memory; NaN outside its stages."""
         columns, n = self._history.columns, len(self._history)
         found = np.full((n, tracked_frames.SIZE), np.nan)
-        last: tuple[str, Vector, int] | None = None
+        last = self._resumed
+        resumed = 0 if last is None else last.tick + 1
         for visit in self._visits:
-            plan = self._stages[visit.stage].plan
-            if plan.frame.tracking is None:
+            plan = self._stages[visit.stage].plan if visit.stage in self._stages else None
+            if plan is None or plan.frame.tracking is None or visit.last < resumed:
                 continue
-            rows, of = slice(visit.first, visit.last + 1), plan.frame.tracking.of
-            measured = np.zeros((visit.last + 1 - visit.first, 9))
+            rows, of = slice(max(visit.first, resumed), visit.last + 1), plan.frame.tracking.of
+            measured = np.zeros((rows.stop - rows.start, 9))
             for i, axis in enumerate(AXES[:3]):
                 if axis in plan.axes:
                     measured[:, i] = opposite(columns[f"force.{axis}.measured"][rows])
@@ -394,15 +405,17 @@ class Replay:
             R = _matrices(self._tip_rows(rows)[1])
             first = tracked_frames.begun(plan.frame, ca.SX(ca.DM(R[0])))
             begun = np.array(ca.evalf(first)).ravel()
-            if last is not None and last[0] == of and last[2] + 1 == visit.first:
-                begun = last[1]
+            if last is not None and last.of == of and last.tick + 1 == rows.start:
+                begun = last.before if rows.start == visit.first else last.after
             after = _tracking(self._robot, plan.frame, self._period).mapaccum(len(measured))
             states = np.array(after(begun, measured.T, R.reshape(len(R), 9).T))
+            behind = states[:, -1]
             # What a tick puts out is of before it.
             states = np.column_stack([begun, states[:, :-1]])
-            last = of, states[:, -1], visit.last
+            last = Memory(of, states[:, -1], behind, visit.last)
             if plan.frame.name == frame.name:
                 found[rows] = states.T
+        self._memory = last
         return _Faces(tracked_frames.SIZE, list(enumerate(found)))
 
     @cached_property
@@ -435,6 +448,15 @@ def constant_axes(
         return None
     axes = placed(*(ca.DM.zeros(placed.sparsity_in(i)) for i in range(placed.n_in())))[1]
     return np.array(axes).reshape(3, 3, order="F")
+
+
+class Memory(NamedTuple):
+    """The memory of a tracking frame: of what, (9,) before and after a tick, and which tick."""
+
+    of: str
+    before: Vector
+    after: Vector
+    tick: int
 
 
 class _Faces:
@@ -473,6 +495,13 @@ def _matrix(name: str) -> tuple[ca.SX, ca.SX]:
     """A (9,) symbol, and the (3, 3) matrix that it holds by columns."""
     symbol = ca.SX.sym(name, 9)
     return symbol, ca.reshape(symbol, 3, 3)
+
+
+def _tip(robot: RobotModel) -> ca.Function:
+    """Joint positions (n,) -> place of the tip and its axes, by columns (12,)."""
+    q = ca.SX.sym("q", robot.n)
+    p, R = rigid_body(robot).tip(q)
+    return ca.Function("tip", [q], [ca.densify(ca.vertcat(p, ca.vec(R)))])
 
 
 def _placed(

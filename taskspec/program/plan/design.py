@@ -14,18 +14,22 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import AxisPlant, Gains, value_of
 from taskspec.laws.mechanism_form import damping_rate
+from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.plan.contacts import StageContacts
 from taskspec.program.plan.environment import StageEnvironment
 from taskspec.program.plan.kinematics import StageKinematics
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.reference.constraints import equation_gains
+from taskspec.program.sensor import SensorModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.program.world.stiffness import GRIP
 from taskspec.spec import Law
 
 Vector = NDArray[np.float64]
 
+#: How many times the error of a reading may come back turned round before it grows.
+FLIPPING = 2.0
 #: From here on J H^-1 J^T counts as singular.
 _CONDITION = 1e12
 
@@ -110,9 +114,42 @@ class DesignRules:
                 period=period,
                 grip=environment.grip_damping(a) if self._contacts.held else None,
                 face=environment.face if a.is_rotation else 0.0,
+                jammed=self._jammed(a, mobility),
             )
             for i, a in enumerate(self._kinematics.axes)
         }
+
+    def _jammed(self, axis: Axis, mobility: Vector) -> float:
+        """The apparent mass of a force axis along which walls and their friction may hold the tool.
+
+        Where nothing can move, u + f of a reading becomes I - (1 - b) Lambda_ss M^-1 times itself
+        in the next, with the axes s that give way, their apparent mass matrix M and the sensor's
+        low-pass b. Where that flips and grows with the masses of the free arm, an eigenvalue of
+        (1 - b) Lambda_ss M^-1 being beyond 2, they are raised until the largest is 1.
+
+        Args:
+            axis: of the stage.
+            mobility: J H^-1 J^T on its axes.
+
+        Returns:
+            It [kg]; 0 where the mass of the free arm does, or nothing holds the tool.
+        """
+        contacts, context, plans = self._contacts, self._context, self._plans
+        name = contacts.main
+        if axis.is_rotation or name is None or not plans[axis].force:
+            return 0.0
+        walls = not context.surfaces[name].convex and context.loaded.task.shapes[name].friction > 0
+        if not walls or abs(contacts.facing(axis)) > MOSTLY:
+            return 0.0
+        rows = [i for i, plan in enumerate(plans.values()) if plan.force or plan.soft]
+        free = mobility[np.ix_(rows, rows)]
+        if not self._law.control_law.selects:
+            free = np.diag(np.diag(free))
+        held = np.linalg.inv(mobility)[np.ix_(rows, rows)]
+        pole = SensorModel.of(context.loaded.task.robot.sensor, context.period).pole
+        ratio = (1 - pole) * float(np.max(np.linalg.eigvals(held @ free).real))
+        i = self._kinematics.axes.index(axis)
+        return ratio / float(mobility[i, i]) if ratio > FLIPPING else 0.0
 
     def _pressed(self, axis: Axis) -> float:
         """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not."""

@@ -55,19 +55,22 @@ class Sheet:
     how: str
 
 
-def sheet(program: Program, trial: Trial | None, why_none: str = "") -> Sheet:
+def sheet(
+    program: Program, trial: Trial | None, why_none: str = "", *, terms: bool = False
+) -> Sheet:
     """The sheet of a task.
 
     Args:
         program: the compiled task.
         trial: of it, in the file's own world; None to tell what the plan has alone.
         why_none: why there is none, in words.
+        terms: whether stages have the terms of operational space.
     """
     task = program.context.loaded.task
     came_to = {} if trial is None else stage_trials(trial)
     stages = tuple(
         (
-            stage_sheet(program, stage, trial, came_to.get(stage.name)),
+            stage_sheet(program, stage, trial, came_to.get(stage.name), terms=terms),
             stability_sheet(program, stage.name),
         )
         for stage in program.stages

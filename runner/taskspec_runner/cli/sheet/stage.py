@@ -22,6 +22,7 @@ from taskspec_runner.cli.sheet.axes import AxisRow, axis_row, equation_row
 from taskspec_runner.cli.sheet.limits import limit_rows
 from taskspec_runner.cli.sheet.protection import protection_rows
 from taskspec_runner.cli.sheet.selection import selection_rows
+from taskspec_runner.cli.sheet.terms import TermsSheet, terms_sheet
 from taskspec_runner.cli.sheet.visits import StageTrial
 from taskspec_runner.trial.trial import Trial
 
@@ -58,6 +59,7 @@ class StageSheet:
     tare: bool
     natural: tuple[Natural, ...]
     selected: Selection | None
+    terms: TermsSheet | str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +136,12 @@ def frame_rows(program: Program) -> tuple[FrameRow, ...]:
 
 
 def stage_sheet(
-    program: Program, stage: CompiledStage, trial: Trial | None, came_to: StageTrial | None
+    program: Program,
+    stage: CompiledStage,
+    trial: Trial | None,
+    came_to: StageTrial | None,
+    *,
+    terms: bool = False,
 ) -> StageSheet:
     """One stage, and what it came to in a trial of the program; None for both without one."""
     in_axes = stage.plan.joint_path is None
@@ -160,6 +167,7 @@ def stage_sheet(
         tare=stage.plan.spec.tare,
         natural=imposed,
         selected=selected,
+        terms=terms_sheet(program, stage, trial) if terms else None,
     )
 
 
