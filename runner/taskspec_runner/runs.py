@@ -573,9 +573,10 @@ class Run(Window):
 
     @property
     def verdict(self) -> str:
-        """`passed`, `done`, `missed`, `failed`, `stopped`, `unfinished` or `damaged`.
+        """`passed`, `done`, `missed`, `undecided`, `failed`, `stopped`, `unfinished` or `damaged`.
 
-        `done` is a run to its end of a task that expects nothing.
+        `done` is a run to its end of a task that expects nothing; `undecided` is of a log from
+        elsewhere, where something that decides was not recorded.
         """
         return verdict(self).kind
 
