@@ -26,11 +26,16 @@ _TABLES = {
 }
 
 
+#: A link from a page to a source file: code, or a test.
+_SOURCE = re.compile(r"\]\((?:\.\./)+(?P<path>(?:taskspec|runner|tests)/[^)#\s]+\.py)\)")
+
+
 def places() -> dict[str, str]:
     """Files of the repository that the site has, to where it has them."""
     files = [*(ROOT / "examples").iterdir(), *(ROOT / "tasks").glob("*.csv")]
     files += [*(ROOT / "tasks" / "robots").iterdir(), ROOT / "action.yml"]
     plain = [path.relative_to(ROOT).as_posix() for path in files if path.is_file()]
+    plain += sorted({path for page in DOCS.rglob("*.md") for path in _sources(page)})
     pages = {f"tasks/{path.name}": f"tasks/{path.stem}.md" for path in TASKS}
     named = {
         "tasks": "tasks/README.md",
@@ -39,6 +44,10 @@ def places() -> dict[str, str]:
         "README.md": "README.md",
     }
     return {path: f"files/{path}" for path in plain} | pages | named
+
+
+def _sources(page: Path) -> list[str]:
+    return _SOURCE.findall(page.read_text(encoding="utf-8"))
 
 
 def task_pages() -> Iterator[tuple[str, str]]:

@@ -92,6 +92,25 @@ def test_every_choice_of_coordinates_gives_the_same_dynamics(sample):
         assert value(again).ravel() == pytest.approx(force, rel=1e-8, abs=1e-8)
 
 
+def test_the_example_of_a_constraint_on_the_first_joints(sample):
+    """(4.98)-(4.100): phi(q) = q_1 = 0, so that J = (I 0), T = I, H~ = H and n~ = C q' + g."""
+    m, n = sample.m, sample.n
+    sample.J, sample.gamma = np.eye(m, n), np.zeros(m)
+    reduced = constrained.reduction(sx(sample.J), sx(sample.gamma), range(m))
+    assert np.array_equal(value(reduced.T), np.eye(n))
+    dynamics = constrained.reduced_dynamics(reduced, sx(sample.H), sx(sample.bias))
+    assert value(dynamics.H) == pytest.approx(sample.H, abs=1e-12)
+    assert value(dynamics.n).ravel() == pytest.approx(sample.bias, abs=1e-12)
+    a, force = sample.solve()
+    H_12, H_22, left = sample.H[:m, m:], sample.H[m:, m:], sample.u - sample.bias
+    assert a[:m] == pytest.approx(0, abs=1e-12)
+    assert H_22 @ a[m:] == pytest.approx(left[m:], abs=1e-9)  # (4.99)
+    expected = -left[:m] + H_12 @ np.linalg.solve(H_22, left[m:])  # (4.100)
+    assert force == pytest.approx(expected, abs=1e-9)
+    found = constrained.reduced_multipliers(reduced, dynamics, sx(sample.u), sx(sample.J))
+    assert value(found).ravel() == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
 def test_elimination_is_the_reduced_form(sample):
     """T E_2^T E_2 q'' + Gamma, and nothing changes where the constraint is kept already."""
     first = range(sample.m)
