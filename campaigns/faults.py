@@ -35,10 +35,14 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "runner"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "link"))
 
 import numpy as np
 from corruptions import BYTES, PLACES, SEALED, Answer, answer
+from cut_logs import TASKS
+from cut_logs import cuts as log_cuts
 from short_tasks import TAP
+from strange_robots import a_welcome, stamps
 from typer.testing import CliRunner
 
 from taskspec.compiler import compile_task
@@ -343,6 +347,29 @@ def _place(what: str) -> tuple[int, str]:
     return (kinds.index(what), "") if what in kinds else (len(kinds), what)
 
 
+def cuts(number: int) -> Tally:
+    """Logs of shipped tasks that end within a stage: the exit code that follows from the file."""
+    tally = Tally("a log that ends within a stage, or with its task")
+    for task in sorted(TASKS.glob("*.yaml"))[:number]:
+        with tempfile.TemporaryDirectory(prefix="taskspec-cut-") as work:
+            for cut in log_cuts(task, Path(work)):
+                tally.tried += 1
+                if not cut.survived:
+                    tally.failures.append(str(cut))
+    return tally
+
+
+def robots(number: int, work: Path, first: int = 0) -> tuple[Tally, Tally]:
+    """Robots whose welcome or stamps are any value: refused, stopped by name, or run."""
+    tallies = Tally("a robot's welcome, of any value"), Tally("a robot's stamps, of any value")
+    for tally, tried in zip(tallies, (a_welcome, stamps), strict=True):
+        for seed in range(first, first + number):
+            tally.tried += 1
+            if wrong := tried(seed, work / "robot"):
+                tally.failures.append(f"{tally.what}, {seed}: {wrong}")
+    return tallies
+
+
 def table(tallies: Sequence[Tally]) -> str:
     """The rows as Markdown."""
     head = "| fault | tried | survived | lost |\n| --- | --- | --- | --- |\n"
@@ -364,6 +391,8 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--locks", type=int, default=20)
     parser.add_argument("--disks", type=int, default=40)
+    parser.add_argument("--robots", type=int, default=500, help="of each kind")
+    parser.add_argument("--cuts", type=int, default=100, help="shipped tasks whose logs are cut")
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--table", type=Path, help="the page that keeps the table")
     asked = parser.parse_args()
@@ -373,6 +402,8 @@ def main() -> int:
         tallies.append(kills(asked.kills, work))
         tallies.append(locks(asked.locks, work))
         tallies.extend(tally for tally in disks(asked.disks, work) if tally.tried)
+        tallies.append(cuts(asked.cuts))
+        tallies.extend(robots(asked.robots, work))
         folders = asked.folders or work / "folders"
         folders.mkdir(parents=True)
         tallies.extend(corruptions(asked.corruptions, folders, asked.first, asked.processes))

@@ -25,6 +25,8 @@ register({IN_PART: "a task that is checked in part"})
 #: Stages of one file that a bounded examination plans. Each takes some 10 ms of a processor, and
 #: 50 ms more where its loop is analysed and it is run.
 MOST_STAGES = 50
+#: Of a file with more, the stages for which a start is searched.
+_SEARCHED = 10
 #: Processor time after which a bounded examination of one file goes on with no further part [s].
 MOST_SECONDS = 60.0
 
@@ -40,6 +42,13 @@ class ExaminationBounds:
         """ExaminationBounds that count from now on; `seconds` of processor time."""
         self.most, self._seconds = most, seconds
         self._end = time.process_time() + seconds
+
+    def searched(self, loaded: LoadedTask) -> int | None:
+        """Stages of a task for which a start is searched; None for all of them.
+
+        Some fifteen starts are followed through them where the nearest one lacks room.
+        """
+        return None if len(loaded.task.stages) <= self.most else _SEARCHED
 
     @property
     def over(self) -> bool:
@@ -76,7 +85,7 @@ def examine(
     diagnostics.extend(loaded.warnings)
     task = None
     try:
-        task = plan_task(loaded)
+        task = plan_task(loaded, None if bounds is None else bounds.searched(loaded))
     except SpecError as error:
         diagnostics.extend(error.diagnostics)
     else:

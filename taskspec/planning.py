@@ -15,8 +15,12 @@ from taskspec.stability.held_design import best_design
 Vector = NDArray[np.float64]
 
 
-def plan_task(loaded: LoadedTask) -> TaskPlan:
+def plan_task(loaded: LoadedTask, stages: int | None = None) -> TaskPlan:
     """The plan of a task, from a start with room for its motions where the file leaves one.
+
+    Args:
+        loaded: the task.
+        stages: so many of them, from the first on, are to have room; None for all of them.
 
     Raises:
         SpecError: the robot cannot be loaded or its start cannot be reached.
@@ -26,4 +30,4 @@ def plan_task(loaded: LoadedTask) -> TaskPlan:
     def start_at(q: Vector) -> TaskPlan:
         return TaskPlan(prepare(loaded, context.robot, q), NominalWalk, best_design)
 
-    return roomiest(lambda: TaskPlan(context, NominalWalk, best_design), start_at)
+    return roomiest(lambda: TaskPlan(context, NominalWalk, best_design), start_at, stages)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred import pa
+from taskspec.text.characters import escaped
 from taskspec.text.suggest import suggestion
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.block import LeftTicks
@@ -306,13 +307,13 @@ class Run(Window):
     @property
     def name(self) -> str:
         """Of the task, empty where unknown."""
-        return str(self.summary.get("task") or self.manifest.get("task") or "")
+        return escaped(str(self.summary.get("task") or self.manifest.get("task") or ""))
 
     @property
     def robot(self) -> str:
         """Name of the robot, empty where unknown."""
         robot = self.summary.get("robot")
-        return str((robot.get("name") if isinstance(robot, Mapping) else robot) or "")
+        return escaped(str((robot.get("name") if isinstance(robot, Mapping) else robot) or ""))
 
     @property
     def forced(self) -> list[str]:
@@ -572,9 +573,10 @@ class Run(Window):
 
     @property
     def verdict(self) -> str:
-        """`passed`, `done`, `missed`, `failed`, `stopped`, `unfinished` or `damaged`.
+        """`passed`, `done`, `missed`, `undecided`, `failed`, `stopped`, `unfinished` or `damaged`.
 
-        `done` is a run to its end of a task that expects nothing.
+        `done` is a run to its end of a task that expects nothing; `undecided` is of a log from
+        elsewhere, where something that decides was not recorded.
         """
         return verdict(self).kind
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from pathlib import Path
 
+import corruptions
 import faults
 import pytest
 
@@ -19,6 +22,34 @@ def test_spoiled_folders_are_told(folders: Path, first: int) -> None:
     found = faults.spoiled(folders, first, 40)
     assert [each for each in found if not each.survived] == []
     assert len({each.spoiled.kind for each in found}) > 7
+
+
+def test_values_of_sealed_folders_are_tried(folders: Path) -> None:
+    """As many as it takes to have some of them."""
+    numbers = [n for n in range(400) if kind_of(folders, n) == corruptions.SEALED][:12]
+    assert len(numbers) == 12
+    found = [each for n in numbers for each in faults.spoiled(folders, n, 1)]
+    assert [each for each in found if not each.survived] == []
+
+
+def kind_of(folders: Path, number: int) -> str:
+    """What a corruption does, by its number."""
+    subject = corruptions.Subject.of(number)
+    with tempfile.TemporaryDirectory() as work:
+        copied = Path(work) / "run"
+        shutil.copytree(folders / subject.folder, copied)
+        return corruptions.spoil(copied, number, subject.names).kind
+
+
+def test_logs_that_are_cut_have_the_code_that_follows_from_the_file() -> None:
+    tally = faults.cuts(3)
+    assert tally.tried > 12
+    assert tally.failures == []
+
+
+def test_robots_of_any_value(tmp_path: Path) -> None:
+    for tally in faults.robots(12, tmp_path):
+        assert (tally.tried, tally.failures) == (12, [])
 
 
 def test_a_killed_run_loses_at_most_the_tick_under_way(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import copy
 import json
 import random
 import re
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -102,7 +103,46 @@ def case(seed: int) -> Case:
         text = path.read_text(encoding="utf-8")
         for _ in range(rng.choice((1, 1, 2, 3, 6))):
             text = injured(text, rng)
+    # By numbers of its own, so that all other files stay those of their seeds.
+    other = random.Random(f"kind of {seed}")
+    kind = other.random()
+    if kind < _CHAINED:
+        return chained(text, other)
+    if kind < _CHAINED + _LARGE:
+        path = other.choice(_seeds().good)
+        return Case(many_stages(path, other), path.parent, path.name)
     return Case(text, path.parent, path.name)
+
+
+#: Depths of chains of includes that are tried, and stages of large files; their shares.
+_DEEPEST, _MOST_STAGES = 40, 400
+_CHAINED, _LARGE = 0.03, 0.005
+
+
+@cache
+def _chains() -> Path:
+    """A folder of this process for files that are included."""
+    return Path(tempfile.mkdtemp(prefix="taskspec-fuzz-"))
+
+
+def chained(text: str, rng: random.Random) -> Case:
+    """A sound task that a chain of includes leads from to a spoiled text."""
+    depth, folder = rng.randrange(1, _DEEPEST), _chains()
+    for number in range(depth):
+        (folder / f"c{number}.yaml").write_text(f"include: c{number + 1}.yaml\n")
+    (folder / f"c{depth}.yaml").write_text(text, "utf-8", "surrogatepass")
+    task = "taskspec: 1\ninclude: c0.yaml\nstages: {wait: {time: 1 s}}\n"
+    return Case(task, folder, f"{depth} files")
+
+
+def many_stages(path: Path, rng: random.Random) -> str:
+    """A sound file whose stages are there many times, under names of their own."""
+    tree = copy.deepcopy(_tree(path))
+    stages = tree.get("stages") if isinstance(tree, dict) else None
+    if isinstance(stages, dict) and stages:
+        names, count = list(stages), rng.randrange(60, _MOST_STAGES)
+        tree["stages"] = {f"s{i}": stages[names[i % len(names)]] for i in range(count)}
+    return "".join(f"{_plain(key)}: {written(value)}\n" for key, value in tree.items())
 
 
 def written(node: Any) -> str:

@@ -16,7 +16,7 @@ from types import FrameType
 
 import jsonschema
 
-from taskspec.examination import check_task
+from taskspec.examination import ExaminationBounds, examine
 from taskspec.spec import LoadedTask, load_text
 from taskspec.spec.schema import schema_text
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
@@ -81,7 +81,7 @@ def _examined(
         loaded = load_text(text, "t.yaml", base=base)
     except SpecError as error:
         return error.diagnostics, dict(error.sources), None
-    return check_task(loaded), dict(loaded.sources), loaded
+    return examine(loaded, bounds=ExaminationBounds()).findings, dict(loaded.sources), loaded
 
 
 def held(text: str, base: Path, *, twice: bool = True) -> bool:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -57,3 +60,56 @@ def test_data_of_the_packages_is_inside(names):
         "taskspec_runner/pages/script/worlds_charts.js",
     ):
         assert name in names
+
+
+@pytest.fixture(scope="module")
+def description(tmp_path_factory) -> str:
+    """What an index shows of the project, and the names in the source distribution."""
+    folder = tmp_path_factory.mktemp("sdist")
+    command = [sys.executable, "-m", "build", "--sdist", "--outdir", str(folder), str(ROOT)]
+    subprocess.run(command, check=True, capture_output=True)
+    with tarfile.open(next(folder.glob("*.tar.gz"))) as archive:
+        names = [name.partition("/")[2] for name in archive.getnames()]
+        info = next(member for member in archive.getmembers() if member.name.endswith("PKG-INFO"))
+        file = archive.extractfile(info)
+        assert file is not None
+        text = file.read().decode("utf-8")
+    # What the wheel is made of is there; what needs a clone is not.
+    assert {"taskspec/__init__.py", "tasks/wipe-table.yaml", "schemas/taskspec-1.schema.json",
+            "docs/diagnostics/TS203.md", "README.md", "LICENSE"} <= set(names)  # fmt: skip
+    assert not [name for name in names if name.startswith(("tests/", "campaigns/", ".github/"))]
+    return text
+
+
+def test_links_of_the_description_lead_somewhere_from_an_index(description):
+    """In the repository they are relative; an index has nothing beside the text."""
+    links = re.findall(r"\]\(([^)\s]+)\)|src=\"([^\"]+)\"", description)
+    targets = [a or b for a, b in links]
+    assert len(targets) > 25
+    assert [each for each in targets if not each.startswith(("https://", "#"))] == []
+    written = re.findall(r"\]\((?!https?:|#)([^)\s]+)\)", (ROOT / "README.md").read_text("utf-8"))
+    assert len(written) > 20
+    for link in written:
+        assert (ROOT / link.partition("#")[0]).exists(), link
+        assert any(each.endswith(f"/{link}") for each in targets), link
+
+
+def test_what_decides_whether_a_change_passes_has_one_version():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    tools = {each.partition("==")[0]: each for each in project["optional-dependencies"]["dev"]}
+    for name in ("mypy", "pytest", "pytest-xdist", "ruff", "types-PyYAML"):
+        assert "==" in tools[name], name
+
+
+def test_actions_of_others_are_named_by_their_commits():
+    """A tag may be moved to other code."""
+    used = [
+        line.split("uses:")[1].strip()
+        for path in (ROOT / ".github/workflows/ci.yml", ROOT / "action.yml")
+        for line in path.read_text("utf-8").splitlines()
+        if "uses:" in line
+    ]
+    others = [each for each in used if each != "./"]
+    assert len(others) == 4
+    for each in others:
+        assert re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40}  # v\d+\.\d+\.\d+", each), each

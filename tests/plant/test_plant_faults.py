@@ -29,6 +29,13 @@ stages:
   press: {axes: {z: {force: -10 N}}, time: 500 ms}
 """
 
+HEAD_WITH_TYPO = """\
+taskspec: 1
+robot: {model: panda}
+params: {push: 3 Newton}
+stages: {wait: {time: 1 s}}
+"""
+
 
 def shown(word: str, size: Quantity, ticks: int, since: int = 5, every: float = 0.1) -> np.ndarray:
     """(ticks, 2, 2) of a device whose values and rates count ticks, spoiled from a tick on."""
@@ -104,6 +111,20 @@ def test_every_kind_has_examples_that_load():
             (fault,) = load_text(task, "task.yaml").task.truth.faults
             assert fault.text.endswith(text)
             assert len(fault.channels((True,) * 7)) == 2
+
+
+@pytest.mark.parametrize("channels", ["axis: z", "axis: [x, q]", "axis: [[x]]", "joint: 3"])
+@pytest.mark.parametrize("effect", ["bias push", "gain push", "drifts push/s", "clips push"])
+@pytest.mark.parametrize("device", ["sensor", "torque", "encoder"])
+def test_a_typo_in_a_param_that_a_fault_uses_is_reported(device, effect, channels):
+    """The fault cannot be read for it, and is not looked into any further."""
+    text = HEAD_WITH_TYPO + f"truth: {{faults: [{{{device}: {effect}, {channels}}}]}}\n"
+    with pytest.raises(SpecError) as caught:
+        load_text(text, "t.yaml")
+    found = {d.code: d for d in caught.value.diagnostics}
+    assert "'Newton' is not a unit" in found["TS111"].message
+    assert found["TS111"].span is not None
+    assert (found["TS111"].span.line, found["TS111"].span.column) == (3, 18)
 
 
 def test_a_controller_is_not_told(simulate):

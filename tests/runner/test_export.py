@@ -274,7 +274,7 @@ def test_mcap_knows_where_tool_and_task_frame_are(drum: Path, tmp_path: Path) ->
     assert children == [["tool", "task", "control_point"]] * len(history)
 
 
-@pytest.mark.parametrize("task", ["drum", "unknown-normal"])
+@pytest.mark.parametrize("task", ["drum", "unknown-normal", "contour-unknown"])
 def test_poses_do_not_depend_on_the_chunks(
     task: str, drum: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

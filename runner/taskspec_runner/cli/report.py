@@ -8,6 +8,7 @@ import typer
 
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
+from taskspec_runner.record.folder import as_written
 from taskspec_runner.record.names import COMPARISON, SWEEP
 
 
@@ -29,21 +30,23 @@ def _render_comparison(folder: Path) -> int:
     from taskspec_runner.compare.comparison import read_comparison
     from taskspec_runner.compare.page import write_comparison
 
-    try:
-        read = read_comparison(folder)
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(f"cannot read {folder / COMPARISON}: {error}") from error
-    typer.echo(str(write_comparison(read, folder)))
-    return max(
-        (warn_of_damage(run, "the page", name=law) for law, run in read.runs.items()), default=0
-    )
+    with as_written(folder / COMPARISON):
+        try:
+            read = read_comparison(folder)
+        except (OSError, ValueError, RecursionError) as error:
+            raise InputError(f"cannot read {folder / COMPARISON}: {error}") from error
+        typer.echo(str(write_comparison(read, folder)))
+        return max(
+            (warn_of_damage(run, "the page", name=law) for law, run in read.runs.items()), default=0
+        )
 
 
 def _render_sweep(folder: Path) -> int:
     from taskspec_runner.sweep.session import read_result, write_page
 
-    result, read = read_result(folder)
-    typer.echo(str(write_page(result, read)))
+    with as_written(folder / SWEEP):
+        result, read = read_result(folder)
+        typer.echo(str(write_page(result, read)))
     if read.damage:
         typer.echo(f"taskspec: {read.damage}; the page shows its worlds", err=True)
     return int(bool(read.damage))

@@ -9,6 +9,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import IO, Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from taskspec_runner.export.missing import library
 
 MAGIC = b"\x89MCAP0\r\n"
 #: Bytes of messages in a chunk, which a reader of an unfinished file may lose.
-_CHUNK = 1 << 20
+_CHUNK = 1 << 21
 #: Of zstd's; higher ones take longer than all the rest, for files that are a twentieth smaller.
 _LEVEL = 1
 _MESSAGE, _MESSAGE_INDEX, _FOOTER = 0x05, 0x07, 0x02
@@ -64,7 +65,11 @@ class ChunkedFile:
         self._schemas, self._channels = list[Any](), list[Any]()
         self._chunks, self._attachments, self._metadata = list[Any](), list[Any](), list[Any]()
         self._messages: Counter[int] = Counter()
-        self._waiting, self._size = list[Bytes](), 0
+        #: Lays out, packs and writes messages, one call after the other.
+        self._worker = ThreadPoolExecutor(1)
+        self._working: Future[None] | None = None
+        #: Bytes of the messages that wait for their chunk.
+        self._room, self._size = np.empty(_CHUNK, dtype=np.uint8), 0
         #: Times [ns] and places in the chunk of the messages that wait, by channel.
         self._index: dict[int, list[NDArray[np.uint64]]] = {}
         self._put(MAGIC)
@@ -96,10 +101,24 @@ class ChunkedFile:
     def add(self, times: NDArray[np.int64], columns: Sequence[Column]) -> None:
         """Takes messages tick by tick: of each the columns in order.
 
+        They are written by a thread of their own, and are not to be changed any more.
+
         Args:
             times: (n,) of the ticks [ns].
             columns: of n messages each.
         """
+        working = self._worker.submit(self._lay_out, times, columns)
+        self._settle()
+        self._working = working
+
+    def _settle(self) -> None:
+        """Waits for what was taken before; raises what it raised."""
+        if self._working is not None:
+            self._working.result()
+            self._working = None
+
+    def _lay_out(self, times: NDArray[np.int64], columns: Sequence[Column]) -> None:
+        """Puts messages into chunks."""
         templates = [column.layout.template for column in columns]
         heads = [
             _HEAD.pack(_MESSAGE, _HEAD.size - 9 + len(template), column.channel, 0, 0, 0)
@@ -111,7 +130,7 @@ class ChunkedFile:
         for first in range(0, len(times), step):
             rows = slice(first, first + step)
             now = times[rows].astype("<u8")
-            made = np.empty((len(now), len(tick)), dtype=np.uint8)
+            made = self._place(len(now), len(tick))
             made[:] = tick
             starts = self._size + len(tick) * np.arange(len(now), dtype=np.uint64)
             at = 0
@@ -124,14 +143,19 @@ class ChunkedFile:
                 slots = [values[rows] for values in column.slots]
                 column.layout.fill(made[:, at : at + len(template)], slots)
                 at += len(template)
-            self._waiting.append(made)
             self._size += made.size
-            if self._size >= _CHUNK:
-                self._chunk()
+
+    def _place(self, rows: int, size: int) -> Bytes:
+        """(rows, size) bytes of the chunk that waits, or of a new one if they do not fit in it."""
+        if self._size + rows * size > len(self._room):
+            self._chunk()
+            if rows * size > len(self._room):
+                self._room = np.empty(rows * size, dtype=np.uint8)
+        return self._room[self._size : self._size + rows * size].reshape(rows, size)
 
     def attach(self, name: str, kind: str, content: bytes) -> None:
         """Writes a file within the file."""
-        self._chunk()
+        self._chunks_end()
         made = self._records.Attachment(0, 0, name, kind, content)
         at, length = self._write(made)
         index = self._records.AttachmentIndex
@@ -139,13 +163,14 @@ class ChunkedFile:
 
     def state(self, name: str, facts: Mapping[str, str]) -> None:
         """Writes metadata of the whole file."""
-        self._chunk()
+        self._chunks_end()
         at, length = self._write(self._records.Metadata(name, dict(facts)))
         self._metadata.append(self._records.MetadataIndex(at, length, name))
 
     def finish(self) -> None:
         """Writes what stands at the end: all that finds a message without reading the others."""
-        self._chunk()
+        self._chunks_end()
+        self._worker.shutdown()
         records = self._records
         self._write(records.DataEnd(self._crc))
         start, self._crc = self._at, 0
@@ -179,20 +204,23 @@ class ChunkedFile:
             schema_count=len(self._schemas),
         )
 
+    def _chunks_end(self) -> None:
+        """Writes all messages so far."""
+        self._settle()
+        self._chunk()
+
     def _chunk(self) -> None:
         """Writes the messages that wait, and where each of them is."""
         if not self._size:
             return
-        content = b"".join(part.data for part in self._waiting)
+        content = self._room[: self._size].data
         index = {channel: np.concatenate(parts) for channel, parts in self._index.items()}
-        begin = min(int(entries[:, 0].min()) for entries in index.values())
-        end = max(int(entries[:, 0].max()) for entries in index.values())
-        packed = self._compress(content)
+        self._size, self._index = 0, {}
         chunk = self._records.Chunk(
             compression="zstd",
-            data=packed,
-            message_start_time=begin,
-            message_end_time=end,
+            data=self._compress(content),
+            message_start_time=min(int(entries[:, 0].min()) for entries in index.values()),
+            message_end_time=max(int(entries[:, 0].max()) for entries in index.values()),
             uncompressed_crc=zlib.crc32(content),
             uncompressed_size=len(content),
         )
@@ -209,15 +237,14 @@ class ChunkedFile:
                 chunk_start_offset=at,
                 chunk_length=length,
                 compression=chunk.compression,
-                compressed_size=len(packed),
-                uncompressed_size=len(content),
-                message_start_time=begin,
-                message_end_time=end,
+                compressed_size=len(chunk.data),
+                uncompressed_size=chunk.uncompressed_size,
+                message_start_time=chunk.message_start_time,
+                message_end_time=chunk.message_end_time,
                 message_index_offsets=offsets,
                 message_index_length=self._at - after,
             )
         )
-        self._waiting, self._size, self._index = [], 0, {}
 
     def _write(self, record: Any) -> tuple[int, int]:
         """Writes a record of the library; returns where it begins and its length [bytes]."""

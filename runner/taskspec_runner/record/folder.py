@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from taskspec.deferred_methods import dataclass
-from taskspec_runner.errors import OutputError
+from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record.extent import ENDED
 from taskspec_runner.record.lock import LOCK, FolderLock, holder
 from taskspec_runner.record.manifest import RUNNING, SEAL, now, seal
@@ -421,6 +421,23 @@ def _integer(text: str) -> int:
     except OverflowError as error:
         raise ValueError(f"an integer of {len(text)} digits") from error
     return value
+
+
+@contextlib.contextmanager
+def as_written(path: Path) -> Iterator[None]:
+    """What reads the values of a JSON file that has the right checksum, whoever has made that.
+
+    Raises:
+        InputError: a value is not of the type, or in the place, that this program writes.
+    """
+    try:
+        yield
+    except (InputError, OutputError):
+        raise
+    except (TypeError, LookupError, AttributeError, ValueError, ArithmeticError) as error:
+        raise InputError(
+            f"cannot read {path}: it is not as it was written ({type(error).__name__}: {error})"
+        ) from error
 
 
 def number(value: object) -> float | None:

@@ -33,17 +33,22 @@ _ELBOWS = (0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
 _STOPS = (End.JOINT, End.REACH)
 
 
-def roomiest(plan: Callable[[], TaskPlan], start_at: Callable[[Vector], TaskPlan]) -> TaskPlan:
+def roomiest(
+    plan: Callable[[], TaskPlan],
+    start_at: Callable[[Vector], TaskPlan],
+    stages: int | None = None,
+) -> TaskPlan:
     """The plan of a task from the start nearest home, or from one with more room.
 
     Args:
         plan: from the start nearest home.
         start_at: from joint positions (n,).
+        stages: so many of them, from the first on, are followed; None for all of them.
     """
     task = plan()
     if not _free(task.context):
         return task
-    own = room(task)
+    own = room(task, stages)
     if own is None:
         return plan()  # It could not be followed: what is wrong with it is for the rules to say.
     if own > _LIMIT_MARGIN:
@@ -52,7 +57,7 @@ def roomiest(plan: Callable[[], TaskPlan], start_at: Callable[[Vector], TaskPlan
     for candidates in (_turned, _bent):
         for q in list(candidates(best.context)):
             other = start_at(q)
-            found = room(other)
+            found = room(other, stages)
             if found is not None and found > most:
                 best, most = other, found
         if most > _LIMIT_MARGIN and candidates is _turned:
@@ -61,14 +66,18 @@ def roomiest(plan: Callable[[], TaskPlan], start_at: Callable[[Vector], TaskPlan
     return best if most > max(own, 0.0) else task
 
 
-def room(task: TaskPlan) -> float | None:
+def room(task: TaskPlan, most: int | None = None) -> float | None:
     """The least distance of a joint from its limits along the stages [rad].
 
     Zero or less where the arm comes to a limit, out of reach or close to singular, the less the
     earlier it does; None where its stages cannot be followed.
+
+    Args:
+        task: from a start.
+        most: so many stages, from the first on, are followed; None for all of them.
     """
     least = math.inf
-    stages = list(task.stages)
+    stages = list(task.stages)[:most]
     try:
         followed = [task.follow(name) for name in stages]
     except (SpecError, ValueError, ArithmeticError):
