@@ -94,12 +94,26 @@ KEY_WORDS = {
 
 VALUE_WORDS = {
     "cube": "box", "cuboid": "box", "block": "box", "ball": "sphere", "rod": "cylinder",
-    "tube": "cylinder", "pipe": "cylinder", "disc": "cylinder", "disk": "cylinder",
+    "disc": "cylinder", "disk": "cylinder",
     "floor": "plane", "wall": "plane", "table": "plane", "flat": "plane", "bore": "hole",
     "revolute": "hinge", "rotary": "hinge", "prismatic": "slide", "slider": "slide",
     "linear": "slide", "helical": "screw", "thread": "screw",
 }  # fmt: skip
 """What other systems call a shape or a mechanism, and its name here."""
+
+PARTS = {
+    "bowl": "its inside is a sphere with side: inner, which opens towards its z",
+    "dish": "its inside is a sphere with side: inner, which opens towards its z",
+    "tube": "its inside is a cylinder with side: inner, its outside a cylinder",
+    "pipe": "its inside is a cylinder with side: inner, its outside a cylinder",
+    "trough": "its inside is a cylinder with side: inner and an arc, which opens towards its x",
+    "dome": "it is a sphere with an arc, such as arc: 60 deg, about its z",
+    "cap": "it is a sphere with an arc, such as arc: 60 deg, about its z",
+    "panel": "it is a sphere with an arc about its z, or a cylinder with one about its x",
+    "stl": "it is a mesh with a file and its unit: shape: mesh, file: part.stl, unit: mm",
+    "obj": "it is a mesh with a file and its unit: shape: mesh, file: part.obj, unit: mm",
+}
+"""Shapes that are a part of another one, or a form of it, and how they are written."""
 
 _CHANGED = {
     ("diameter", "radius"): "half of the diameter",

@@ -20,7 +20,12 @@ from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.holding import holding_start
 from taskspec.program.world.mechanisms import MechanismModel, mechanism_models
 from taskspec.program.world.moving_base import moving_bases
-from taskspec.program.world.preconditions import check_equations, check_motions, check_parents
+from taskspec.program.world.preconditions import (
+    check_equations,
+    check_meshes,
+    check_motions,
+    check_parents,
+)
 from taskspec.program.world.stiffness import compliance, equation_compliance
 from taskspec.robot import RobotError, RobotModel, load_robot, solve_start
 from taskspec.robot.model_terms import PinocchioTerms
@@ -46,6 +51,7 @@ def prepare(
     """
     task = loaded.task
     check_parents(loaded)
+    check_meshes(loaded)
     models = mechanism_models(task)
     if robot is None or start is None:
         robot, start = _robot(loaded, models)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from taskspec.program.axes import MOSTLY
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.stiffness import RESOLVED_PHASE
 from taskspec.rules import Finding, Phase, error, rule, warning
+from taskspec.shapes.mesh import UNITS, Mesh
+from taskspec.shapes.round_patch import RoundPatch
 from taskspec.spec import FILE
 from taskspec.text.units import show
 
@@ -15,6 +19,8 @@ from taskspec.text.units import show
 _ROUGHEST = 2.0
 #: A contact that gives way by more than this is none that the laws are meant for [m].
 _DEEPEST = 0.05
+#: Largest extents of parts that arms of a few kilograms work on [m].
+_SMALLEST_PART, _LARGEST_PART = 2e-3, 5.0
 
 
 @rule("TS129", "a number that is hardly meant", phase=Phase.TASK)
@@ -78,6 +84,51 @@ def bore_in_block(task: TaskPlan) -> Iterator[Finding]:
                     "take a larger block, or leave 'size' out for an endless plate",
                 )
                 break
+
+
+@rule("TS332", "a tool that does not fit an object", phase=Phase.TASK, bars=True)
+def tool_fits(task: TaskPlan) -> Iterator[Finding]:
+    """Tools that a hollow has no room for, and flat ones on what a ball alone touches."""
+    tool = task.context.robot.tool
+    for name, surface in task.context.surfaces.items():
+        hollow = surface if isinstance(surface, RoundPatch) and surface.within else None
+        if tool.flat and (hollow or isinstance(surface, Mesh)):
+            what = "the inside of a bowl or tube" if hollow else "a mesh"
+            yield error(
+                "TS332",
+                f"the tool ends in a flat face, and {name!r} is {what}: of that only the contact "
+                "of a ball is modelled, in one point",
+                FILE.robot.tool.shape,
+                "take a sphere as the tool's end, as large as the face or edge is round where it "
+                "touches",
+            )
+        elif hollow and not tool.flat and hollow.radius <= (ball := float(tool.radii[0])):
+            yield error(
+                "TS332",
+                f"a ball of {show(ball, 'mm')} has no room in {name!r}, whose radius is "
+                f"{show(hollow.radius, 'mm')}",
+                FILE.world[name].radius,
+                "take a smaller tool, or a wider bowl or tube",
+            )
+
+
+@rule({}, also=("TS129",), phase=Phase.TASK)
+def implausible_mesh(task: TaskPlan) -> Iterator[Finding]:
+    """Meshes of a size that tells of another unit."""
+    for name, surface in task.context.surfaces.items():
+        if not isinstance(surface, Mesh):
+            continue
+        extents = np.ptp(surface.body.corners, axis=0)
+        if _SMALLEST_PART < extents.max() < _LARGEST_PART:
+            continue
+        x, y, z = (show(float(e), "m" if e > 1 else "mm", 3) for e in extents)
+        unit = task.context.loaded.task.shapes[name].sizes["unit"]
+        yield warning(
+            "TS129",
+            f"in {unit!r} {name!r} is {x} by {y} by {z}",
+            FILE.world[name].unit,
+            f"its file may be in another unit: {', '.join(u for u in UNITS if u != unit)}",
+        )
 
 
 @rule("TS307", "a contact stiffer than the plant's steps resolve", phase=Phase.TASK)

@@ -8,6 +8,7 @@ from taskspec.shapes.box import Box
 from taskspec.shapes.cylinder import Cylinder
 from taskspec.shapes.groove import Groove
 from taskspec.shapes.hole import Hole
+from taskspec.shapes.mesh import Mesh
 from taskspec.shapes.plane import Plane
 from taskspec.shapes.registry import (
     SHAPES,
@@ -22,14 +23,14 @@ from taskspec.shapes.sphere import Sphere
 from taskspec.shapes.surface import (
     BoundedSurface,
     Geom,
-    PlateCut,
     SizeKey,
     Surface,
     SurfaceChart,
     ToolEnd,
+    WholeShape,
 )
 
-for _kind in (Plane, Box, Cylinder, Sphere, Hole, Slot, Groove):
+for _kind in (Plane, Box, Cylinder, Sphere, Hole, Slot, Groove, Mesh):
     register(_kind)
 
 __all__ = [
@@ -40,14 +41,15 @@ __all__ = [
     "Geom",
     "Groove",
     "Hole",
+    "Mesh",
     "Plane",
-    "PlateCut",
     "SizeKey",
     "Slot",
     "Sphere",
     "Surface",
     "SurfaceChart",
     "ToolEnd",
+    "WholeShape",
     "all_shapes",
     "register",
     "size_keys",

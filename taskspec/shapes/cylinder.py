@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING
 
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
+from taskspec.shapes.round_patch import PATCH_KEYS, CylinderSegment, Tube, fixed_part, patch
 from taskspec.shapes.surface import (
     LENGTH_OF,
     POINT_RADIUS,
     RADIUS,
     RIM_POINTS,
     Geom,
+    Surface,
     SurfaceChart,
     ToolEnd,
     ToolSurface,
@@ -20,7 +22,8 @@ from taskspec.shapes.surface import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+    from typing import Any
 
     from taskspec.shapes.surface import Vector
 
@@ -38,10 +41,21 @@ class Cylinder(ToolSurface):
     length: float
 
     name = "cylinder"
-    keys = (RADIUS, LENGTH_OF)
-    start_over = "the side of a cylinder"
+    keys = (RADIUS, LENGTH_OF, *PATCH_KEYS)
+    optional = tuple(key.name for key in PATCH_KEYS)
+    start_over = "over the side of a cylinder, or off the axis of a tube"
     resting_points = RIM_POINTS
     tool_keys = {"radius": True, "thickness": False}  # noqa: RUF012
+
+    @classmethod
+    def placed(cls, origin: Vector, rotation: Vector, sizes: Mapping[str, Any]) -> Surface:
+        """A cylinder; a segment where there is an arc; from within a tube, by default all round."""
+        return patch(origin, rotation, sizes, cls, CylinderSegment, Tube, 2 * np.pi)
+
+    @classmethod
+    def fixed(cls, data: Mapping[str, Any]) -> str:
+        """Of a part alone."""
+        return fixed_part(data)
 
     def height(self, x: ca.SX) -> ca.SX:
         """Distance [m] from the side, an end or a rim."""

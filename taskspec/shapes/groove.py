@@ -9,7 +9,7 @@ from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
 from taskspec.shapes.plate import CutPlate, bank
 from taskspec.shapes.slot import pocket, profile
-from taskspec.shapes.surface import DEPTH, LENGTH_OF, PlateCut, SizeKey
+from taskspec.shapes.surface import DEPTH, LENGTH_OF, SizeKey, WholeShape
 from taskspec.text.units import ANGLE
 
 if TYPE_CHECKING:
@@ -72,9 +72,9 @@ class Groove(CutPlate):
             return found
         return ca.fmin(found, bank(ca.fabs(x[0]) - self.length / 2, x[2], 0.0))
 
-    def cut(self) -> PlateCut:
+    def whole(self) -> WholeShape:
         """The groove as the plant takes it."""
-        return PlateCut("groove", (self.angle, self.depth, self.length or 0.0))
+        return WholeShape("groove", (self.angle, self.depth, self.length or 0.0))
 
     def beside(self, x: ca.SX) -> ca.SX:
         """Distance [m] of a point beyond the edge of the groove."""

@@ -14,8 +14,8 @@ from taskspec.shapes.surface import (
     DEPTH,
     RADIUS,
     SIZE,
-    PlateCut,
     Surface,
+    WholeShape,
     outside,
     radius_about_z,
 )
@@ -64,9 +64,9 @@ class Hole(CutPlate):
         )
         return ca.fmax(bore, outside(beyond))
 
-    def cut(self) -> PlateCut:
+    def whole(self) -> WholeShape:
         """The bore, and its block, as the plant takes them."""
-        return PlateCut("hole", (self.radius, self.depth, self.chamfer, *(self.size or ())))
+        return WholeShape("hole", (self.radius, self.depth, self.chamfer, *(self.size or ())))
 
     def uncut(self) -> Surface:
         """The plate or the block."""

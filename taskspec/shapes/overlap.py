@@ -22,6 +22,9 @@ from taskspec.native.kernel import Vector
 
 #: Kinds of solids.
 BALL, CYLINDER, BOX = 1, 2, 3
+#: What a plane cuts off a ball, towards its z, or off a cylinder, towards its x: sizes (13..15)
+#: are the radius, the angle from the middle of its round side to an edge, and half its length.
+CAP, SEGMENT = 4, 5
 #: How many numbers are set aside for a solid.
 SOLID = 24
 #: How many numbers `overlap` works with.
@@ -68,6 +71,10 @@ def support(t: Vector, x: float, y: float, z: float, at: Vector) -> float:
         at[0], at[1], at[2] = t[0] + r * x, t[1] + r * y, t[2] + r * z
         at[3] = 0.0
         return u + t[13] * size
+    if t[12] == CAP:
+        return u + _cap(t, x, y, z, at)
+    if t[12] == SEGMENT:
+        return u + _segment(t, x, y, z, at)
     half = t[15]
     end = eps / half
     ends = math.sqrt(along * along + end * end)
@@ -95,11 +102,111 @@ def support(t: Vector, x: float, y: float, z: float, at: Vector) -> float:
     return u + t[13] * w1 + t[14] * w2 + half * ends
 
 
+def _cap(t: Vector, x: float, y: float, z: float, at: Vector) -> float:
+    """h(u) of a cap about its centre; its support point and no lever into `at`.
+
+    It is on the round side where u is nearer to its z than the rim is, else on the rim; the flat
+    side bulges as that of a cylinder does.
+    """
+    along = x * t[9] + y * t[10] + z * t[11]
+    size = math.sqrt(x * x + y * y + z * z)
+    at[3] = 0.0
+    if along >= size * math.cos(t[14]):
+        r = t[13] / size
+        at[0], at[1], at[2] = t[0] + r * x, t[1] + r * y, t[2] + r * z
+        return t[13] * size
+    low, wide = t[13] * math.cos(t[14]), t[13] * math.sin(t[14])
+    ox, oy, oz = x - along * t[9], y - along * t[10], z - along * t[11]
+    back = size * t[16] / wide
+    off = math.sqrt(ox * ox + oy * oy + oz * oz + back * back)
+    s = wide / off
+    at[0] = t[0] + s * ox + low * t[9]
+    at[1] = t[1] + s * oy + low * t[10]
+    at[2] = t[2] + s * oz + low * t[11]
+    return s * off * off + low * along
+
+
+def _segment(t: Vector, x: float, y: float, z: float, at: Vector) -> float:
+    """The same of a segment, whose ends are rounded as those of a cylinder."""
+    one = x * t[3] + y * t[4] + z * t[5]
+    two = x * t[6] + y * t[7] + z * t[8]
+    along = x * t[9] + y * t[10] + z * t[11]
+    half, end = t[15], t[16] / t[15]
+    ends = math.sqrt(along * along + end * end)
+    f = half * along / ends
+    off = math.sqrt(one * one + two * two)
+    p, wide = t[13] * math.cos(t[14]), t[13] * math.sin(t[14])
+    back = t[16] / wide
+    q = wide * two / math.sqrt(two * two + back * back)
+    flat = wide * back * back / math.sqrt(two * two + back * back)
+    if off > 0.0 and one >= off * math.cos(t[14]):
+        p, q, flat = t[13] * one / off, t[13] * two / off, 0.0
+    for i in range(3):
+        at[i] = t[i] + p * t[3 + i] + q * t[6 + i] + f * t[9 + i]
+    at[3] = 0.5 * half * end / ends
+    return p * one + q * two + flat + half * ends
+
+
+def _curved_cap(t: Vector, sign: float, x: float, y: float, z: float, g: Vector) -> float:
+    """h(u) of a cap about its centre, and what `curved` adds to `g`."""
+    along = x * t[9] + y * t[10] + z * t[11]
+    if along >= math.cos(t[14]):
+        r = t[13]
+        g[0] += sign * r * x
+        g[1] += sign * r * y
+        g[2] += sign * r * z
+        _add(g, r, 1.0, 0.0, 0.0)
+        _add(g, r, 0.0, 1.0, 0.0)
+        _add(g, r, 0.0, 0.0, 1.0)
+        _add(g, -r, x, y, z)
+        return r
+    low, wide = t[13] * math.cos(t[14]), t[13] * math.sin(t[14])
+    ox, oy, oz = x - along * t[9], y - along * t[10], z - along * t[11]
+    back = t[16] / wide
+    off = math.sqrt(ox * ox + oy * oy + oz * oz + back * back)
+    s = wide / off
+    g[0] += sign * (s * ox + low * t[9])
+    g[1] += sign * (s * oy + low * t[10])
+    g[2] += sign * (s * oz + low * t[11])
+    _add(g, s, 1.0, 0.0, 0.0)
+    _add(g, s, 0.0, 1.0, 0.0)
+    _add(g, s, 0.0, 0.0, 1.0)
+    _add(g, -s, t[9], t[10], t[11])
+    _add(g, -s / (off * off), ox, oy, oz)
+    return s * off * off + low * along
+
+
+def _curved_segment(t: Vector, sign: float, x: float, y: float, z: float, g: Vector) -> float:
+    """The same of a segment."""
+    one = x * t[3] + y * t[4] + z * t[5]
+    two = x * t[6] + y * t[7] + z * t[8]
+    along = x * t[9] + y * t[10] + z * t[11]
+    half, end = t[15], t[16] / t[15]
+    ends = math.sqrt(along * along + end * end)
+    f = half * along / ends
+    off = math.sqrt(one * one + two * two)
+    p, wide = t[13] * math.cos(t[14]), t[13] * math.sin(t[14])
+    back = t[16] / wide
+    w = math.sqrt(two * two + back * back)
+    q, flat = wide * two / w, wide * back * back / w
+    if off > 0.0 and one >= off * math.cos(t[14]):
+        p, q, flat = t[13] * one / off, t[13] * two / off, 0.0
+        r = t[13] / (off * off * off)
+        bx, by = one * t[6] - two * t[3], one * t[7] - two * t[4]
+        _add(g, r, bx, by, one * t[8] - two * t[5])
+    else:
+        _add(g, wide * back * back / (w * w * w), t[6], t[7], t[8])
+    for i in range(3):
+        g[i] += sign * (p * t[3 + i] + q * t[6 + i] + f * t[9 + i])
+    _add(g, half * end * end / (ends * ends * ends), t[9], t[10], t[11])
+    return p * one + q * two + flat + half * ends
+
+
 def bulge(t: Vector) -> float:
     """Distance [m] by which faces of a solid, and sides of a cylinder, bulge."""
-    if t[12] == BALL:
+    if t[12] == BALL or t[12] == CAP:
         return 0.0
-    return t[16] if t[12] == CYLINDER else 2.0 * t[16]
+    return 2.0 * t[16] if t[12] == BOX else t[16]
 
 
 def curved(t: Vector, sign: float, n: Vector, g: Vector) -> float:
@@ -124,6 +231,10 @@ def curved(t: Vector, sign: float, n: Vector, g: Vector) -> float:
         _add(g, r, 0.0, 0.0, 1.0)
         _add(g, -r, x, y, z)
         return u + r
+    if t[12] == CAP:
+        return u + _curved_cap(t, sign, x, y, z, g)
+    if t[12] == SEGMENT:
+        return u + _curved_segment(t, sign, x, y, z, g)
     eps = t[16]
     if t[12] == CYLINDER:
         r, half = t[13], t[15]
@@ -184,7 +295,7 @@ def overlap(t: Vector, b: Vector, near: float, work: Vector) -> float:
     if best[0] - shift >= -near:
         _across_faces(t, b, t, dx, dy, dz, m, best)
         _across_faces(t, b, b, dx, dy, dz, m, best)
-    if best[0] - shift >= -near and t[12] != BALL and b[12] != BALL:
+    if best[0] - shift >= -near and t[12] != BALL and b[12] != BALL and b[12] != CAP:
         _across_edges(t, b, m, best)
     depth = best[0]
     if depth - shift >= -near:
@@ -198,10 +309,10 @@ def _across_faces(
     t: Vector, b: Vector, s: Vector, dx: float, dy: float, dz: float, m: Vector, best: Vector
 ) -> None:
     """Considers directions along the axes of one of both solids, and across that of a cylinder."""
-    if s[12] == CYLINDER:
+    if s[12] == CYLINDER or s[12] == SEGMENT:
         along = dx * s[9] + dy * s[10] + dz * s[11]
         _consider(t, b, dx - along * s[9], dy - along * s[10], dz - along * s[11], m, best)
-    first = 3 if s[12] == BALL else (2 if s[12] == CYLINDER else 0)
+    first = 3 if s[12] == BALL else (2 if s[12] == CYLINDER or s[12] == CAP else 0)
     for k in range(first, 3):
         x, y, z = s[3 + 3 * k], s[4 + 3 * k], s[5 + 3 * k]
         _consider(t, b, x, y, z, m, best)
@@ -211,7 +322,7 @@ def _across_faces(
 def _across_edges(t: Vector, b: Vector, m: Vector, best: Vector) -> None:
     """Considers directions across an axis of each solid."""
     for k in range(2 if t[12] == CYLINDER else 0, 3):
-        for j in range(2 if b[12] == CYLINDER else 0, 3):
+        for j in range(0 if b[12] == BOX else 2, 3):
             p, q = t[3 + 3 * k :], b[3 + 3 * j :]
             x, y = p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2]
             z = p[0] * q[1] - p[1] * q[0]

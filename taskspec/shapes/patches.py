@@ -20,10 +20,10 @@ import math
 
 from taskspec.native.kernel import Vector
 from taskspec.shapes import overlap
-from taskspec.shapes.overlap import BALL, BOX, CYLINDER, SOLID, across, bulge, support
+from taskspec.shapes.overlap import BALL, BOX, CAP, CYLINDER, SEGMENT, SOLID, across, bulge, support
 
-#: Kinds of shapes other than the solids `BALL`, `CYLINDER` and `BOX`.
-PLATE, HOLE, SLOT, GROOVE = 10, 11, 12, 13
+#: Kinds of shapes other than the solids of `overlap`.
+PLATE, HOLE, SLOT, GROOVE, BOWL, TUBE = 10, 11, 12, 13, 14, 15
 #: Numbers of a patch, and how many there are at most.
 PATCH, MOST = 10, 8
 #: Doubles that `find` works with: points on a tool, patches, another solid, `overlap`'s own; where
@@ -41,7 +41,7 @@ def find(t: Vector, shape: Vector, work: Vector) -> int:
         t: the tool.
         shape: (7,) kind and sizes: half sizes and rounding of a solid; radius, depth, chamfer
             and block of a hole; width, depth, chamfer and length of a slot; angle, depth and length
-            of a groove.
+            of a groove; radius, half angle, thickness and length of a bowl or tube.
         work: (WORK,) memory of this call.
     """
     at, patches = work, work[POINTS:]
@@ -59,6 +59,10 @@ def find(t: Vector, shape: Vector, work: Vector) -> int:
         return _slot(t, s[0], s[1], s[2], s[3], at, patches)
     if kind == GROOVE:
         return _groove(t, s[0], s[1], s[2], at, patches)
+    if kind == BOWL:
+        return _shell(t, kind, s[0], s[1], s[2], 0.0, at, patches)
+    if kind == TUBE:
+        return _shell(t, kind, s[0], s[1], s[2], 0.5 * s[3], at, patches)
     if kind == PLATE:
         # Of a plane the face that lies flat is where it is drawn.
         return _floor(t, -bulge(t), at, patches, 0)
@@ -81,6 +85,45 @@ def _floor(t: Vector, height: float, at: Vector, patches: Vector, n: int) -> int
     """The half-space below z = height."""
     depth = support(t, 0.0, 0.0, -1.0, at) + height
     return _put(patches, n, at, 0.0, 0.0, 1.0, depth, 1.0) if depth > 0.0 else n
+
+
+def _shell(
+    t: Vector, kind: int, R: float, half: float, thick: float, length: float, at: Vector,
+    patches: Vector,
+) -> int:  # fmt: skip
+    """A ball and the inside, outside or edge of a bowl about -z, or of a tube about z and -x.
+
+    All is in the plane through the centre of the ball and the axis of the bowl, or across that of
+    the tube, whose ends are `length` from the origin.
+    """
+    u, v, beyond = -t[2], math.sqrt(t[0] * t[0] + t[1] * t[1]), -1.0
+    if kind == TUBE:
+        u, v, beyond = -t[0], abs(t[1]), abs(t[2]) - length
+    s = math.sqrt(u * u + v * v)
+    if u >= s * math.cos(half):
+        sign = -1.0 if s <= R + 0.5 * thick else 1.0
+        gap = R - s if sign < 0.0 else s - R - thick
+        nu, nv = sign * u / (s + 1e-30), sign * v / (s + 1e-30)
+    else:
+        c, q = math.cos(half), math.sin(half)
+        along = min(max(u * c + v * q, R), R + thick)
+        nu, nv = u - along * c, v - along * q
+        gap = math.sqrt(nu * nu + nv * nv) + 1e-30
+        nu, nv = nu / gap, nv / gap
+    nx, ny, nz = 0.0, 0.0, -nu
+    if kind == TUBE:
+        nx, ny, nz = -nu, nv if t[1] >= 0.0 else -nv, 0.0
+        end = 1.0 if t[2] >= 0.0 else -1.0
+        if beyond > 0.0 and gap > 0.0:
+            far = math.sqrt(gap * gap + beyond * beyond)
+            nx, ny, nz, gap = nx * gap / far, ny * gap / far, end * beyond / far, far
+        elif beyond > gap:
+            nx, ny, nz, gap = 0.0, 0.0, end, beyond
+    elif v > 1e-15:
+        nx, ny = nv * t[0] / v, nv * t[1] / v
+    r = t[13]
+    at[0], at[1], at[2], at[3] = t[0] - r * nx, t[1] - r * ny, t[2] - r * nz, 0.0
+    return _put(patches, 0, at, nx, ny, nz, r - gap, 1.0) if r > gap else 0
 
 
 def _solid(t: Vector, kind: int, s: Vector, at: Vector, patches: Vector) -> int:
@@ -114,10 +157,10 @@ def _solid(t: Vector, kind: int, s: Vector, at: Vector, patches: Vector) -> int:
 def _flatness(t: Vector, x: float, y: float, z: float, tangents: Vector, q: Vector) -> None:
     """Squares of levers of a solid's flat part across u: aa, ab, bb along two tangents (6,)."""
     q[0], q[1], q[2] = 0.0, 0.0, 0.0
-    if t[12] == BALL:
+    if t[12] == BALL or t[12] == CAP:
         return
     eps = t[16]
-    for k in range(3):
+    for k in range(2 if t[12] == SEGMENT else 0, 3):
         ax, ay, az, half = t[3 + 3 * k], t[4 + 3 * k], t[5 + 3 * k], t[13 + k]
         along = x * ax + y * ay + z * az
         square = 0.25 * half * half

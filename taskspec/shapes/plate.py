@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
 from taskspec.shapes.plane import Plane
-from taskspec.shapes.surface import Geom, Surface, SurfaceChart, outside
+from taskspec.shapes.surface import Geom, Surface, SurfaceChart, banded, outside
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,21 +53,7 @@ class CutPlate(Surface):
 
     def visible_geom(self, center: Vector, half: Vector) -> Geom | None:  # noqa: ARG002
         """A piece of the plate about the cut."""
-        corners, faces = self.mesh()
-        return Geom("mesh", (1.0, 1.0, 1.0), corners=corners, faces=faces)
-
-    def mesh(self) -> tuple[Vector, Vector]:
-        """Corners (n, 3) [m] and triangles (m, 3) of what is drawn."""
-        bands = self.drawn(_DRAWN_BEYOND, _THICKNESS)
-        corners: list[Vector] = []
-        faces: list[tuple[int, int, int]] = []
-        for first, second in zip(bands[::2], bands[1::2], strict=True):
-            begin, n = sum(map(len, corners)), len(first)
-            corners += [first, second]
-            for i in range(n - 1):
-                a, b, c, d = begin + i, begin + i + 1, begin + n + i, begin + n + i + 1
-                faces += [(a, c, b), (b, c, d)]
-        return np.vstack(corners), np.array(faces, dtype=np.int32)
+        return banded(self.drawn(_DRAWN_BEYOND, _THICKNESS))
 
 
 @dataclass(frozen=True, eq=False)

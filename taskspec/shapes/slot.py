@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
 from taskspec.shapes.plate import CutPlate, bank
-from taskspec.shapes.surface import CHAMFER, DEPTH, LENGTH_OF, PlateCut, SizeKey
+from taskspec.shapes.surface import CHAMFER, DEPTH, LENGTH_OF, SizeKey, WholeShape
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,9 +48,9 @@ class Slot(CutPlate):
         wall = bank(self._beyond(x), x[2], self.chamfer)
         return ca.fmin(wall, x[2] + self.depth)
 
-    def cut(self) -> PlateCut:
+    def whole(self) -> WholeShape:
         """The slot as the plant takes it."""
-        return PlateCut("slot", (self.width, self.depth, self.chamfer, self.length or 0.0))
+        return WholeShape("slot", (self.width, self.depth, self.chamfer, self.length or 0.0))
 
     def beside(self, x: ca.SX) -> ca.SX:
         """Distance [m] of a point beyond the edge of the slot."""

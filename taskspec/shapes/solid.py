@@ -7,18 +7,31 @@ from typing import TYPE_CHECKING
 from taskspec.shapes import patches
 from taskspec.shapes.box import Box
 from taskspec.shapes.cylinder import Cylinder
-from taskspec.shapes.overlap import BALL, BOX, CYLINDER, LEAST_ROUNDING, ROUNDED
+from taskspec.shapes.overlap import (
+    BALL,
+    BOX,
+    CAP,
+    CYLINDER,
+    LEAST_ROUNDING,
+    ROUNDED,
+    SEGMENT,
+)
 from taskspec.shapes.plane import Plane
+from taskspec.shapes.plate import CutPlate
 from taskspec.shapes.sphere import Sphere
 
 if TYPE_CHECKING:
     from taskspec.shapes.surface import Surface
 
-_CUTS = {"hole": patches.HOLE, "slot": patches.SLOT, "groove": patches.GROOVE}
+_KINDS = {
+    "hole": patches.HOLE, "slot": patches.SLOT, "groove": patches.GROOVE,
+    "bowl": patches.BOWL, "tube": patches.TUBE,
+}  # fmt: skip
+_SOLIDS = {"cap": CAP, "segment": SEGMENT}
 
 
 def half_sizes(solid: Surface) -> tuple[int, tuple[float, float, float]] | None:
-    """Kind and half sizes [m] of a ball, a cylinder or a box; None of other shapes."""
+    """Kind and sizes of a solid as `overlap` takes them [m, rad]; None of other shapes."""
     if isinstance(solid, Sphere):
         return BALL, (solid.radius, solid.radius, solid.radius)
     if isinstance(solid, Cylinder):
@@ -26,18 +39,20 @@ def half_sizes(solid: Surface) -> tuple[int, tuple[float, float, float]] | None:
     if isinstance(solid, Box):
         x, y, z = (edge / 2 for edge in solid.size)
         return BOX, (x, y, z)
+    whole = solid.whole()
+    if whole is not None and whole.kind in _SOLIDS:
+        first, second, third = whole.sizes
+        return _SOLIDS[whole.kind], (first, second, third)
     return None
 
 
 def kind_and_sizes(surface: Surface) -> tuple[int, tuple[float, ...]]:
     """Of a shape that is touched whole, as `patches.find` takes them [m, rad]."""
-    cut = surface.cut()
-    if cut is not None:
-        return _CUTS[cut.kind], cut.sizes
     sizes = half_sizes(surface)
-    if sizes is None:
-        return patches.PLATE, ()
-    return sizes[0], (*sizes[1], LEAST_ROUNDING)
+    if sizes is not None:
+        return sizes[0], (*sizes[1], LEAST_ROUNDING)
+    whole = surface.whole()
+    return (patches.PLATE, ()) if whole is None else (_KINDS[whole.kind], whole.sizes)
 
 
 def rounding(half: tuple[float, float, float]) -> float:
@@ -46,5 +61,5 @@ def rounding(half: tuple[float, float, float]) -> float:
 
 
 def touched_whole(solid: Surface) -> bool:
-    """Whether a flat tool touches a shape with its whole surface: all but shapes of others."""
-    return isinstance(solid, Plane) or solid.cut() is not None or half_sizes(solid) is not None
+    """Whether a flat tool touches a shape with its whole surface."""
+    return isinstance(solid, Plane | CutPlate) or half_sizes(solid) is not None

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING
 
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
-from taskspec.shapes.surface import RADIUS, Geom, SurfaceChart, ToolEnd, ToolSurface
+from taskspec.shapes.round_patch import PATCH_KEYS, Bowl, SphereCap, fixed_part, patch
+from taskspec.shapes.surface import RADIUS, Geom, Surface, SurfaceChart, ToolEnd, ToolSurface
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+    from typing import Any
 
     from taskspec.shapes.surface import Vector
 
@@ -25,10 +27,22 @@ class Sphere(ToolSurface):
     radius: float
 
     name = "sphere"
-    keys = (RADIUS,)
-    start_over = "outside of a sphere"
+    keys = (RADIUS, *PATCH_KEYS)
+    optional = tuple(key.name for key in PATCH_KEYS)
+    remark = "a sphere or a cylinder with an arc is a part of one"
+    start_over = "outside of a sphere, or below the rim of a bowl"
     resting_points = 1
     tool_keys = {"radius": False}  # noqa: RUF012
+
+    @classmethod
+    def placed(cls, origin: Vector, rotation: Vector, sizes: Mapping[str, Any]) -> Surface:
+        """A sphere; a cap where there is an arc; from within a bowl, by default half a sphere."""
+        return patch(origin, rotation, sizes, cls, SphereCap, Bowl, np.pi)
+
+    @classmethod
+    def fixed(cls, data: Mapping[str, Any]) -> str:
+        """Of a part alone."""
+        return fixed_part(data)
 
     def height(self, x: ca.SX) -> ca.SX:
         """Distance [m] from the centre less the radius."""

@@ -14,11 +14,12 @@ from taskspec.deferred_methods import dataclass
 from taskspec.text.units import LENGTH, Dimension
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
     Vector = NDArray[np.float64]
+    Numbers = NDArray[np.int_]
 
 #: Largest radius of the spheres with which edges and rims touch [m].
 POINT_RADIUS = 0.0005
@@ -40,6 +41,8 @@ class SizeKey:
         example: a value, as a message shows it.
         shown: values that editors show.
         most: what it is at most [SI units].
+        words: the choice, of what is a word.
+        text: whether it is a text.
     """
 
     name: str
@@ -51,6 +54,8 @@ class SizeKey:
     example: str = "50 mm"
     shown: tuple[Any, ...] = ()
     most: float | None = None
+    words: tuple[str, ...] = ()
+    text: bool = False
 
 
 RADIUS = SizeKey("radius", "Radius", shown=("50 mm",))
@@ -98,12 +103,12 @@ class Geom:
     size: tuple[float, float, float]
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
     corners: Vector | None = None
-    faces: Vector | None = None
+    faces: Numbers | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class PlateCut:
-    """What is cut into a plate, as the plant knows it: touched by the tool's whole surface.
+class WholeShape:
+    """A shape as the plant knows it, touched by the tool's whole surface.
 
     Attributes:
         kind: the plant's word for it.
@@ -166,6 +171,16 @@ class Surface(ABC):
     def geom(self) -> Geom:
         """The geom of the shape where it stands still."""
 
+    @classmethod
+    def placed(cls, origin: Vector, rotation: Vector, sizes: Mapping[str, Any]) -> Surface:
+        """The shape that a file's sizes, by key, make of this kind."""
+        return cls(origin, rotation, **sizes)
+
+    @classmethod
+    def fixed(cls, data: Mapping[str, Any]) -> str:
+        """Why a shape with these keys in a file can be no loose body; empty where it can."""
+        return "in a block that is fixed" if "size" in data else "endless"
+
     def local(self, point: ca.SX) -> ca.SX:
         """The world point (3,) in the shape's own coordinates (3,) [m]."""
         return ca.DM(self.rotation.T) @ (point - ca.DM(self.origin))
@@ -188,8 +203,8 @@ class Surface(ABC):
         """The geom of the shape where it moves."""
         return self.geom()
 
-    def cut(self) -> PlateCut | None:
-        """What is cut into it; None where a tool touches it with the spheres of its end."""
+    def whole(self) -> WholeShape | None:
+        """It as the plant knows it; None where a ball touches it as MuJoCo's own geom."""
         return None
 
     def uncut(self) -> Surface:
@@ -214,6 +229,11 @@ class BoundedSurface(Surface):
     """
 
     resting_points: ClassVar[int]
+
+    @classmethod
+    def fixed(cls, data: Mapping[str, Any]) -> str:  # noqa: ARG003
+        """Nothing fixes it."""
+        return ""
 
     @property
     @abstractmethod
@@ -299,6 +319,14 @@ class SurfaceChart(ABC):
     def margin(self, point: ca.SX, heading: Vector | None) -> ca.SX:
         """Positive while the foot of a world point (3,) is on the chart and x is defined there."""
 
+    def numbers(self, point: ca.SX) -> ca.SX | None:  # noqa: ARG002
+        """What `near` takes at a world point (3,); None where the chart itself is as quick."""
+        return None
+
+    def near(self, numbers: ca.SX) -> SurfaceChart:  # noqa: ARG002
+        """A chart with the values and the first derivatives of this one at a point."""
+        return self
+
     def foot(self, point: ca.SX) -> ca.SX:
         """The surface point (3,) [m], world, nearest to a world point (3,)."""
         return point - self.distance(point) * self.normal(point)
@@ -321,8 +349,25 @@ class SurfaceChart(ABC):
 
     def away_from_pole(self, point: ca.SX, heading: Vector | None) -> ca.SX:
         """Positive where x is defined: where the reference direction is not along the normal."""
-        n, x = self.normal(point), self.reference_direction(heading)
+        return self._away(self.normal(point), heading)
+
+    def _away(self, n: ca.SX, heading: Vector | None) -> ca.SX:
+        """The same of a normal (3,)."""
+        x = self.reference_direction(heading)
         return 1 - ca.fabs(ca.dot(n, x)) / ca.norm_2(x) - 1e-3
+
+
+def banded(lines: Sequence[Vector]) -> Geom:
+    """A mesh of bands, each between two polylines (n, 3) [m] that follow each other."""
+    corners: list[Vector] = []
+    faces: list[tuple[int, int, int]] = []
+    for first, second in zip(lines[::2], lines[1::2], strict=True):
+        begin, n = sum(map(len, corners)), len(first)
+        corners += [first, second]
+        for i in range(n - 1):
+            a, b, c, d = begin + i, begin + i + 1, begin + n + i, begin + n + i + 1
+            faces += [(a, c, b), (b, c, d)]
+    return Geom("mesh", (1.0, 1.0, 1.0), corners=np.vstack(corners), faces=np.array(faces))
 
 
 def _tangent(direction: ca.SX, n: ca.SX) -> ca.SX:

@@ -255,10 +255,15 @@ def _rebase(node: Node, folder: PurePath, keys: tuple[str, ...]) -> None:
     elif isinstance(node, Sequence):
         for item in node.items:
             _rebase(item, folder, keys)
-    elif keys[-2:] in _PATHS and _is_path(node.value):
+    elif _names_file(keys) and _is_path(node.value):
         o = node.origin
         node.value = str(folder / node.value)
         node.origin = Origin(o.span, node.value, o.raw, o.skip)
+
+
+def _names_file(keys: tuple[str, ...]) -> bool:
+    """Whether a key may be the path of a file."""
+    return keys[-2:] in _PATHS or (keys[:1] == ("world",) and keys[2:] == ("file",))
 
 
 def _is_path(value: str) -> bool:

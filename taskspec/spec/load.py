@@ -18,6 +18,7 @@ from taskspec.spec.control import settle_rates
 from taskspec.spec.include import Inclusion
 from taskspec.spec.key_path import KeyPath, is_key, steps_of
 from taskspec.spec.levels import level_of
+from taskspec.spec.mesh_file import find_meshes
 from taskspec.spec.model import REPORTED, mapping
 from taskspec.spec.names import collect_names, unused, warn_unused
 from taskspec.spec.params import evaluate_params
@@ -229,6 +230,7 @@ def _load(
     changes.apply(root, templates=False)
     if not protection.into(root):
         raise SpecError(found.sorted(), sources)
+    find_meshes(root, base, inclusion, found)
 
     def loaded(task: Task, true_task: Task) -> LoadedTask:
         given = dict(overrides)

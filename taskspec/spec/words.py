@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
-from taskspec.expression.spelling import VALUE_WORDS
+from taskspec.expression.spelling import PARTS, VALUE_WORDS
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
@@ -58,6 +58,8 @@ class Word(FieldType):
         hint = suggestion(word, known, f"{self.what}s")
         if (meant := VALUE_WORDS.get(word.lower())) in known:
             hint = f"did you mean '{meant}'?"
+        if self.what == "shape" and word.lower() in PARTS:
+            hint = PARTS[word.lower()]
         context.error(self.code, f"unknown {self.what} '{word}'", span_of(value), hint)
         return self.words[0]
 

@@ -16,7 +16,7 @@ from taskspec.spec.model import Model, complete
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, Entries, Formula
 from taskspec.spec.sizes import check_sizes
-from taskspec.spec.words import Switch, Word
+from taskspec.spec.words import Free, Switch, Word
 from taskspec.text.data import Map, Text
 from taskspec.text.nodes import pointer
 from taskspec.text.suggest import closest
@@ -75,6 +75,10 @@ class _PlacedShape(Model):
 
 def _field(key: SizeKey) -> tuple[Any, Any]:
     """A size as a field of a model: its type, and what is known of it."""
+    if key.words:
+        return Annotated[str, Word(key.words, key.name)] | None, Field(None, title=key.title)
+    if key.text:
+        return Annotated[str, Free(filled=True)] | None, Field(None, title=key.title)
     form: Any = Annotated[float, Constant(key.dimension, above=0, most=key.most)]
     if key.entries > 1:
         dimensions = (key.dimension,) * key.entries
@@ -176,7 +180,9 @@ class Shape(_SizedShape):
 
     @classmethod
     def advice_on(cls, key: str, data: Map) -> str:
-        """Which size of a shape its height is."""
+        """Which size of a shape its height is, and how a mesh is scaled."""
+        if key in ("scale", "units") and str(data.get("shape")) == "mesh":
+            return "say what its numbers are in: unit: mm, or m, cm, in"
         if key in ("height", "tall") and isinstance(data.get("shape"), str):
             return _HEIGHTS.get(str(data["shape"]), "")
         return ""
@@ -189,8 +195,21 @@ class Shape(_SizedShape):
             allowed = [key.name for key in _SHAPES[shape].keys]
             needed = [name for name in allowed if name not in _SHAPES[shape].optional]
             check_sizes(shape, needed, allowed, data, context)
+            _check_wall(shape, data, context)
         _check_free(data, context)
         _check_carried(data, context)
+
+
+def _check_wall(shape: str, data: Map, context: ParseContext) -> None:
+    """Reports a thickness of what is solid."""
+    if (
+        "thickness" in data
+        and any(k.name == "side" for k in _SHAPES[shape].keys)
+        and data.get("side") != "inner"
+    ):
+        message = f"a {shape} that is touched from outside has no 'thickness': it is solid"
+        hint = "it is of the wall of a bowl or tube: side: inner"
+        context.error("TS302", message, data.node.key_span("thickness"), hint)
 
 
 #: What the height of a shape is called.
@@ -241,8 +260,8 @@ def _check_free(data: Map, context: ParseContext) -> None:
     sure, free = complete(data, context), is_free(data)
     shape = data.get("shape")
     kind = _SHAPES.get(shape) if isinstance(shape, str) else None
-    if free and kind is not None and not issubclass(kind, BoundedSurface):
-        message = f"a {kind.name} is {_fixed(data)} and cannot be loose"
+    if free and kind is not None and (reason := kind.fixed(data)):
+        message = f"a {kind.name} is {reason} and cannot be loose"
         other = next(name for name, k in _SHAPES.items() if issubclass(k, BoundedSurface))
         context.error("TS302", message, data.node.key_span("free"), f"take a {other}")
     if free and "motion" in data:
@@ -256,19 +275,14 @@ def _check_free(data: Map, context: ParseContext) -> None:
         context.error("TS026", message, span, "add 'free: true'")
 
 
-def _fixed(data: Map) -> str:
-    """Why a raw shape stays where it is."""
-    return "in a block that is fixed" if "size" in data else "endless"
-
-
 def _check_carried(data: Map, context: ParseContext) -> None:
     """Reports what a shape on a mechanism cannot be."""
     if "on" not in data:
         return
     shape = data.get("shape")
     kind = _SHAPES.get(shape) if isinstance(shape, str) else None
-    if kind is not None and not issubclass(kind, BoundedSurface):
-        message = f"a {kind.name} is {_fixed(data)} and cannot ride on a mechanism"
+    if kind is not None and (reason := kind.fixed(data)):
+        message = f"a {kind.name} is {reason} and cannot ride on a mechanism"
         other = next(name for name, k in _SHAPES.items() if issubclass(k, BoundedSurface))
         context.error("TS302", message, data.node.key_span("on"), f"take a {other}")
     for key, what in (("motion", "its own 'motion'"), ("free", "'free'")):

@@ -9,6 +9,7 @@ import pytest
 from taskspec.geometry.rotation import from_rpy
 from taskspec.program.prepare import chart_at
 from taskspec.shapes import SHAPES, BoundedSurface, Box, Cylinder, Plane, SizeKey, Sphere, register
+from taskspec.shapes.round_patch import CylinderSegment, SphereCap, Tube
 
 
 @pytest.fixture
@@ -25,6 +26,9 @@ SURFACES = {
     "box": Box(ORIGIN, R, size=(0.2, 0.4, 0.3)),
     "cylinder": Cylinder(ORIGIN, R, radius=0.1, length=0.6),
     "sphere": Sphere(ORIGIN, R, radius=0.15),
+    "cap": SphereCap(ORIGIN, R, radius=0.15, arc=5.0),
+    "segment": CylinderSegment(ORIGIN, R, radius=0.1, arc=5.0, length=0.6),
+    "tube": Tube(ORIGIN, R, radius=0.5, arc=2 * np.pi, length=0.6),
 }
 
 
@@ -111,7 +115,7 @@ class Slab(Plane):
 
 
 def test_shapes_are_listed_by_their_names():
-    assert list(SHAPES) == ["plane", "box", "cylinder", "sphere", "hole", "slot", "groove"]
+    assert list(SHAPES) == ["plane", "box", "cylinder", "sphere", "hole", "slot", "groove", "mesh"]
     assert all(kind.name == name for name, kind in SHAPES.items())
 
 

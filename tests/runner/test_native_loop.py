@@ -41,6 +41,8 @@ DIFFERENT = (
     "peg-in-hole",  # a tool with sides, a cut, retries by condition
     "press-qp",  # a program of limits
     "slot-insertion",  # a box as the tool
+    "wipe-bowl",  # a hollow, of which a ball touches the inside
+    "wipe-mesh",  # a mesh, whose facets a frame blends
     "unknown-normal",  # a frame that is estimated
     "wrist-sensor",  # a sensor with noise at the wrist, its zero measured
 )

@@ -119,7 +119,7 @@ def test_every_word_that_fits_is_enumerated() -> None:
         if "enum" in field
     }
     assert offered["Shape.shape"] == [
-        "plane", "box", "cylinder", "sphere", "hole", "slot", "groove"
+        "plane", "box", "cylinder", "sphere", "hole", "slot", "groove", "mesh"
     ]  # fmt: skip
     assert offered["Tool.shape"] == ["sphere", "cylinder", "box"]
     assert offered["Hinge.knob"] == ["free", "fixed"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from trials import checked, found, place_of, serious
 
-from taskspec.text.diagnostic import Severity
+from taskspec.spec import load_text
+from taskspec.text.diagnostic import Severity, SpecError
 
 BIASED = """\
 taskspec: 1
@@ -45,6 +46,26 @@ stages:
   press: {axes: {z: {force: -20 N}}, time: 2 s}
 expect:
   - press.force.z within -20 N +- 1 N for 60 %
+"""
+BOWL = """\
+taskspec: 1
+name: bowl
+robot: {model: panda, start: {xyz: [500 mm, 0, 300 mm]}}
+world: {bowl: {SHAPE, radius: 150 mm, xyz: [500 mm, 0, 300 mm], stiffness: 20 kN/m}}
+frames: {task: {surface: bowl}}
+frame: task
+limits: {force: 60 N}
+stages:
+  approach:
+    axes: {z: {velocity: -20 mm/s}}
+    until: force.z < -3 N for 10 ms
+    within: {time: 10 s}
+  wipe: {axes: {z: {force: -10 N}, x: {velocity: 30 mm/s}}, time: 2 s}
+expect:
+  - wipe.force.z within -10 N +- 2 N for 90 %
+  - last(wipe.force.z) within -10 N +- 10 mN
+  - last(wipe.velocity.ry) within -0.2 rad/s +- 1 mrad/s
+  - last(approach.bowl.gap) within -0.2 mm +- 0.15 mm
 """
 CAP = """\
 taskspec: 1
@@ -182,3 +203,30 @@ def test_noise_that_a_lightly_damped_loop_amplifies_misses_an_expectation():
     assert "of a sensor's noise of 1 N" in finding.message
     assert "with a damping ratio of 0.067, which amplifies it" in finding.message
     assert "lower the force gains" in finding.hint
+
+
+def test_the_inside_of_a_bowl_is_wiped():
+    """t13, from the centre on: a bowl is a sphere with `side: inner`, which the first word says.
+
+    At 30 mm/s on 150 mm the tool turns by 0.2 rad/s, towards where it goes.
+    """
+    with pytest.raises(SpecError) as refused:
+        load_text(BOWL.replace("SHAPE", "shape: bowl"), "task.yaml")
+    (only,) = refused.value.diagnostics
+    assert (only.code, only.span.line) == ("TS025", 4)
+    assert "a sphere with side: inner" in only.hint
+    text = BOWL.replace("SHAPE", "shape: sphere, side: inner")
+    # With the tool of 100 mm that is there by default the wrist meets the rim, 150 mm above.
+    assert serious(text) == ["TS428"]
+    assert serious(text.replace("model: panda,", "model: panda, tool: {length: 200 mm},")) == []
+
+
+def test_a_part_that_is_a_mesh_says_its_unit():
+    """t13b: STL has no unit, so that the file says it; and the file has to be there."""
+    text = BOWL.replace("SHAPE, radius: 150 mm", "shape: mesh, file: part.stl")
+    with pytest.raises(SpecError) as refused:
+        load_text(text, "task.yaml")
+    unit, file = refused.value.diagnostics
+    assert (unit.code, unit.message) == ("TS301", "a mesh needs 'unit'")
+    assert (file.code, file.message) == ("TS333", "there is no file 'part.stl'")
+    assert place_of(file, text) == (4, "part.stl")

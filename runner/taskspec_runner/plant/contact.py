@@ -53,7 +53,7 @@ def add_tool_pairs(spec: mujoco.MjSpec, arm: SceneArm, task: Task, mobility: flo
         if name == arm.held:
             continue
         declared, solid = compliance(shape, robot, arm.start, period), surface(shape)
-        if solid.cut() is not None or (robot.tool.flat and touched_whole(solid)):
+        if solid.whole() is not None or (robot.tool.flat and touched_whole(solid)):
             contact = WholeContact(declared, shape.friction, mobility + mobility_of(shape), period)
             touches = robot.tool_geoms[0], robot.tool
             drawn = solid.geom() if shape.motion is None else solid.moving_geom()
@@ -87,7 +87,7 @@ def add_loose_pairs(spec: mujoco.MjSpec, task: Task) -> None:
                 declared, friction = own, body.friction
             centers, radius = solid.contact_points()
             ground = surface(shape)
-            if ground.cut() is not None:
+            if ground.whole() is not None:
                 each = Compliance(
                     declared.stiffness / solid.resting_points,
                     declared.damping / solid.resting_points,

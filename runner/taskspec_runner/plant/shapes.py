@@ -62,7 +62,11 @@ def add_shape(
         add_geom(body, visible, origin, rotation, **look, **INERT)
         color = (*color[:3], 0.0)
     geom = solid.moving_geom() if moves else solid.geom()
-    add_geom(body, geom, origin, rotation, name=PREFIX + name, rgba=list(color), **INERT)
+    look = {"name": PREFIX + name, "rgba": list(color)}
+    if geom.corners is not None:
+        _add_mesh(spec, PREFIX + name, geom)
+        look["meshname"] = PREFIX + name
+    add_geom(body, geom, origin, rotation, **look, **INERT)
 
 
 def _add_mesh(spec: mujoco.MjSpec, name: str, geom: Geom) -> None:

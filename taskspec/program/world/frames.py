@@ -115,7 +115,7 @@ def pose(of: Posed) -> tuple[Matrix, Matrix]:
 def surface(shape: Shape) -> Surface:
     """The geometry of a declared shape, in the world."""
     R, origin = pose(shape)
-    return SHAPES[shape.shape](origin, R, **shape.sizes)
+    return SHAPES[shape.shape].placed(origin, R, shape.sizes)
 
 
 def normal_at(shape: Shape, point: Matrix) -> tuple[Matrix, Matrix, float]:
@@ -136,7 +136,7 @@ def _normal(
 ) -> ca.Function:
     """What `normal_at` evaluates: the worlds of a task mostly have its shapes where they are."""
     axes = np.frombuffer(R).reshape(3, 3)
-    surface = SHAPES[kind](np.frombuffer(origin), axes, **dict(sizes)).uncut()
+    surface = SHAPES[kind].placed(np.frombuffer(origin), axes, dict(sizes)).uncut()
     x = ca.SX.sym("x", 3)
     gradient = surface.gradient(x)
     return ca.Function("normal", [x], [gradient, ca.jacobian(gradient, x), surface.distance(x)])

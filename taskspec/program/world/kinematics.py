@@ -18,6 +18,7 @@ from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.shapes import BoundedSurface, Plane, Sphere, Surface, SurfaceChart
 from taskspec.shapes.overlap import CYLINDER
+from taskspec.shapes.round_patch import RoundPatch
 from taskspec.shapes.solid import half_sizes, rounding, touched_whole
 
 
@@ -101,7 +102,8 @@ def gap(robot: RobotModel, surface: Surface, p: ca.SX, R: ca.SX) -> ca.SX:
     """Signed distance [m] between the tool's shape at pose (p, R) and a surface.
 
     Of a flat tool from a plane or a ball it is exact; from boxes and cylinders it is that of the
-    corners, and of points of the rims, of both; from a plate with a cut that of its face.
+    corners, and of points of the rims, of both; from a plate with a cut that of its face; from a
+    panel that of the centre or axis less the radius, beyond its edges that of the tool's points.
     """
     tool = robot.tool
     middle = p + R @ ca.DM([0.0, 0.0, tool.middle])
@@ -122,6 +124,10 @@ def gap(robot: RobotModel, surface: Surface, p: ca.SX, R: ca.SX) -> ca.SX:
             surface.distance(p + R @ ca.DM(center)) - float(radius)
             for center, radius in zip(tool.centers, tool.radii, strict=True)
         ]
+    if tool.flat and isinstance(surface, RoundPatch) and not surface.within:
+        core = R.T @ (surface.core(middle) - middle)
+        whole = tool.solid.height(core) - surface.radius
+        gaps.append(ca.if_else(surface.chart().margin(middle, None) > 0, whole, gaps[0]))
     nearest = gaps[0]
     for other in gaps[1:]:
         nearest = ca.fmin(nearest, other)
@@ -210,22 +216,27 @@ def frame_state(
             foot_map=ca.SX.eye(2),
         )
     c, direction = ca.SX.sym("c", 3), ca.SX.sym("dc", 3)
-    R_c, foot_c = chart.frame(c, frame.heading), chart.foot(c)
+    # What a chart of many facets is here does not change with the point that it is evaluated at.
+    numbers = chart.numbers(tool.center)
+    given = [] if numbers is None else [numbers]
+    part = [ca.SX.sym("part", each.shape[0]) for each in given]
+    around = chart.near(*part) if part else chart
+    R_c, foot_c = around.frame(c, frame.heading), around.foot(c)
     rate_c = ca.reshape(ca.jtimes(ca.vec(R_c), c, direction), 3, 3)
     turning_c = rotation.unskew(R_c.T @ rate_c)
-    at = ca.Function("at", [c], [R_c, foot_c, ca.jacobian(foot_c, c)])
-    moving = ca.Function("moving", [c, direction], [rate_c, turning_c])
-    R, foot, slope = at(tool.center)
+    at = ca.Function("at", [c, *part], [R_c, foot_c, ca.jacobian(foot_c, c)])
+    moving = ca.Function("moving", [c, direction, *part], [rate_c, turning_c])
+    R, foot, slope = at(tool.center, *given)
     foot_map = R[:, :2].T @ slope @ R[:, :2]
     return FrameState(
         R=R,
-        R_rate=moving(tool.center, tool.velocity)[0],
+        R_rate=moving(tool.center, tool.velocity, *given)[0],
         margin=margin,
         chart=chart,
         foot=foot,
         foot_map=foot_map,
         rate_map=ca.diagcat(foot_map, 1),
-        turning=lambda velocity: moving(tool.center, velocity)[1],
+        turning=lambda velocity: moving(tool.center, velocity, *given)[1],
     )
 
 

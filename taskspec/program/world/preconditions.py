@@ -8,10 +8,11 @@ import numpy as np
 
 from taskspec.expression.tree import Name, walk
 from taskspec.program.errors import spec_error
-from taskspec.program.world.frames import FrameModel
+from taskspec.program.world.frames import FrameModel, surface
 from taskspec.program.world.mechanisms import mechanism_models
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.robot import RobotModel
+from taskspec.shapes.mesh import MeshError
 from taskspec.spec import FILE, LoadedTask
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostics, SpecError
@@ -31,6 +32,23 @@ _NOT_FIXED = {
     "tracking": "turns with what it tracks",
     "estimated": "is measured only while the task runs",
 }
+
+
+def check_meshes(loaded: LoadedTask) -> None:
+    """Reports meshes that cannot be touched.
+
+    Raises:
+        SpecError: there are such meshes (TS333).
+    """
+    found = Diagnostics(loaded.source.name)
+    for name, shape in loaded.task.shapes.items():
+        try:
+            surface(shape)
+        except MeshError as error:
+            place = loaded.span(FILE.world[name].file)
+            found.error("TS333", f"{name!r} cannot be touched: {error}", place, error.hint)
+    if found.has_errors:
+        raise SpecError(found.sorted(), loaded.sources)
 
 
 def check_equations(

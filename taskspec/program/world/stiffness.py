@@ -13,6 +13,7 @@ from taskspec.geometry.rotation import cross, from_rpy
 from taskspec.program.world import frames
 from taskspec.program.world.equations import EquationModel
 from taskspec.robot import RobotModel
+from taskspec.shapes.plate import CutPlate
 from taskspec.spec import EquationObject, Mechanism, Shape, Task
 
 Vector = NDArray[np.float64]
@@ -235,7 +236,7 @@ def settling_rate(damping: float, mobility: float, plant_period: float) -> float
 
 def friction_ratio(task: Task) -> float:
     """How much stiffer friction is against a slip than a contact is damped along its normal."""
-    cut = any(frames.surface(shape).cut() is not None for shape in task.shapes.values())
+    cut = any(isinstance(frames.surface(shape), CutPlate) for shape in task.shapes.values())
     return CUT_IMPRATIO if cut else IMPRATIO
 
 

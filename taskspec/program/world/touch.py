@@ -23,6 +23,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.native.kernel import vector
 from taskspec.robot.types import ToolGeometry
 from taskspec.shapes import Plane, Surface, overlap
+from taskspec.shapes.plate import CutPlate
 from taskspec.shapes.solid import half_sizes, rounding, touched_whole
 
 Vector = NDArray[np.float64]
@@ -112,7 +113,7 @@ class WholeTool:
     def touch(self, surface: Surface, p: Vector, R: Vector) -> Touch:
         """With a shape, whose cut counts for nothing, at a tip pose (3,), (3, 3)."""
         tool, work = self.numbers(p, R), np.zeros(overlap.WORK)
-        if isinstance(surface, Plane) or surface.cut() is not None:
+        if isinstance(surface, Plane | CutPlate):
             n = np.ascontiguousarray(surface.rotation[:, 2])
             shape = None
             reach = farthest(tool, -n)[0]
@@ -197,7 +198,7 @@ def _curved(solid: Vector, sign: float, n: Vector) -> tuple[Vector, Vector]:
 def _snapped(kind: int, u: Vector, most: float) -> Vector:
     """A direction (3,) of a solid's own axes, exactly across or along what it nearly is."""
     u = u.copy()
-    if kind == overlap.BALL:
+    if kind in (overlap.BALL, overlap.CAP):
         return u
     if kind == overlap.BOX:
         u[np.abs(u) < most * np.abs(u).max()] = 0.0
