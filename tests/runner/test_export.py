@@ -26,7 +26,7 @@ from taskspec_runner import runs
 from taskspec_runner.cli import app
 from taskspec_runner.errors import InputError
 from taskspec_runner.export import MissingLibraryError, export_run
-from taskspec_runner.export.cdr import Layout
+from taskspec_runner.export.cdr import MessageForm
 from taskspec_runner.export.poses import PoseStream
 from taskspec_runner.record.history import history_of
 from taskspec_runner.record.log import Log, read_log
@@ -308,7 +308,7 @@ def test_run_whose_task_is_gone_is_exported_without_poses(folder: Path, tmp_path
 
 def test_cdr_aligns_numbers_behind_texts_of_any_length() -> None:
     for text in ("", "a", "abc", "abcd", "abcdefgh"):
-        layout = Layout().text(text).numbers(1)
+        layout = MessageForm().text(text).numbers(1)
         made = np.frombuffer(layout.template, dtype=np.uint8)[np.newaxis].copy()
         layout.fill(made, [np.array([[1.5]])])
         message = made.tobytes()

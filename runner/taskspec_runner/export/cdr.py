@@ -15,35 +15,35 @@ _ENCAPSULATION = b"\x00\x01\x00\x00"
 Bytes = NDArray[np.uint8]
 
 
-class Layout:
+class MessageForm:
     """The bytes of a message, built from its first field to its last."""
 
     def __init__(self) -> None:
         self._template = bytearray()
         self._slots: list[tuple[int, int]] = []
 
-    def text(self, value: str) -> Layout:
+    def text(self, value: str) -> MessageForm:
         """A string that is the same in all messages."""
         content = value.encode() + b"\x00"
         self.count(len(content))
         self._template += content
         return self
 
-    def count(self, number: int) -> Layout:
+    def count(self, number: int) -> MessageForm:
         """A number of elements."""
         self._align(4)
         self._template += struct.pack("<I", number)
         return self
 
-    def stamp(self) -> Layout:
+    def stamp(self) -> MessageForm:
         """A slot for a time: (n, 2) seconds and nanoseconds, as 32-bit numbers."""
         return self._slot(8, 4)
 
-    def numbers(self, size: int) -> Layout:
+    def numbers(self, size: int) -> MessageForm:
         """A slot for (n, size) 64-bit floats."""
         return self._slot(8 * size, 8) if size else self
 
-    def header(self, frame: str) -> Layout:
+    def header(self, frame: str) -> MessageForm:
         """A `std_msgs/Header`."""
         return self.stamp().text(frame)
 
@@ -58,7 +58,7 @@ class Layout:
             at = len(_ENCAPSULATION) + start
             messages[:, at : at + size] = bytes_of(values)
 
-    def _slot(self, size: int, alignment: int) -> Layout:
+    def _slot(self, size: int, alignment: int) -> MessageForm:
         self._align(alignment)
         self._slots.append((len(self._template), size))
         self._template += bytes(size)
