@@ -35,7 +35,7 @@ _FOOTER_START = struct.Struct("<BQQQ")
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class ChannelColumn:
     """A message of one channel at each of some ticks.
 
     Attributes:
@@ -98,7 +98,7 @@ class ChunkedFile:
         self._write(made)
         return number
 
-    def add(self, times: NDArray[np.int64], columns: Sequence[Column]) -> None:
+    def add(self, times: NDArray[np.int64], columns: Sequence[ChannelColumn]) -> None:
         """Takes messages tick by tick: of each the columns in order.
 
         They are written by a thread of their own, and are not to be changed any more.
@@ -117,7 +117,7 @@ class ChunkedFile:
             self._working.result()
             self._working = None
 
-    def _lay_out(self, times: NDArray[np.int64], columns: Sequence[Column]) -> None:
+    def _lay_out(self, times: NDArray[np.int64], columns: Sequence[ChannelColumn]) -> None:
         """Puts messages into chunks."""
         templates = [column.layout.template for column in columns]
         heads = [

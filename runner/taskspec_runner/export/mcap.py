@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES
 from taskspec_runner.export.cdr import Layout, stamps
-from taskspec_runner.export.chunks import ChunkedFile, Column
+from taskspec_runner.export.chunks import ChannelColumn, ChunkedFile
 from taskspec_runner.export.messages import SIGNALS, definition, signals_message
 from taskspec_runner.export.poses import Poses
 from taskspec_runner.export.stream import LogStream
@@ -107,18 +107,20 @@ class _Encoder:
             stage, now = str(rows.stages[part.start]), when[part]
             # A stage that follows itself is entered anew; what goes on from the rows before is not.
             if part.start in firsts and (part.start or stage != self._last):
-                entered = Column(self._channels[STAGE_ENTERED], Layout().text(stage))
+                entered = ChannelColumn(self._channels[STAGE_ENTERED], Layout().text(stage))
                 self._file.add(times[part][:1], [entered])
             self._last = stage
             signals = Layout().header(WORLD).numbers(values.shape[1]).text(stage)
             columns = [
-                Column(self._channels[topic], self._wrench, (now, wrench[part]))
+                ChannelColumn(self._channels[topic], self._wrench, (now, wrench[part]))
                 for topic, wrench in wrenches.items()
             ]
-            columns.append(Column(self._channels[SCALARS], signals, (now, values[part])))
+            columns.append(ChannelColumn(self._channels[SCALARS], signals, (now, values[part])))
             if joints:
                 slots: list[NDArray[Any]] = [now, *(each[part] for each in joints)]
-                columns.insert(0, Column(self._channels[JOINT_STATES], self._joint_state, slots))
+                columns.insert(
+                    0, ChannelColumn(self._channels[JOINT_STATES], self._joint_state, slots)
+                )
             columns += self._posed({name: poses[name].rows(part) for name in known}, now)
             self._file.add(times[part], columns)
 
@@ -133,17 +135,17 @@ class _Encoder:
 
     def _posed(
         self, poses: dict[str, NDArray[np.float64]], now: NDArray[np.uint32]
-    ) -> Iterator[Column]:
+    ) -> Iterator[ChannelColumn]:
         """Messages of the poses (n, 7) that are known, by their frames."""
         for name, topic in ((TOOL, TOOL_POSE), (TASK_FRAME, FRAME_POSE)):
             if name in poses:
-                yield Column(self._channels[topic], self._pose, (now, poses[name]))
+                yield ChannelColumn(self._channels[topic], self._pose, (now, poses[name]))
         if poses:
             layout, slots = Layout().count(len(poses)), list[NDArray[Any]]()
             for name, values in poses.items():
                 layout.header(WORLD).text(name).numbers(7)
                 slots += [now, values]
-            yield Column(self._channels[TRANSFORMS], layout, slots)
+            yield ChannelColumn(self._channels[TRANSFORMS], layout, slots)
 
 
 def _parts(

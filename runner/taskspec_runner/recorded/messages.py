@@ -198,8 +198,11 @@ class _Topic:
 
     def _keep(self, name: str, parts: Sequence[Any], order: NDArray[np.int64] | None) -> None:
         """Puts away the values of a field, which come in the order of their messages if sorted."""
-        if name in self.texts or (name not in self.numbers and isinstance(parts[0], Texts)):
-            known = [each if isinstance(each, Texts) else Texts.of(each.tolist()) for each in parts]
+        if name in self.texts or (name not in self.numbers and isinstance(parts[0], MessageTexts)):
+            known = [
+                each if isinstance(each, MessageTexts) else MessageTexts.of(each.tolist())
+                for each in parts
+            ]
             texts = list(dict.fromkeys(text for each in known for text in each.texts))
             place = {text: code for code, text in enumerate(texts)}
             codes = [np.array([place[t] for t in each.texts])[each.codes] for each in known]
@@ -207,7 +210,7 @@ class _Topic:
             builder = self.texts.setdefault(name, SampleTextsBuilder())
             builder.add_coded(texts, whole if order is None else whole[order])
             return
-        numbers = [each.numbers() if isinstance(each, Texts) else each for each in parts]
+        numbers = [each.numbers() if isinstance(each, MessageTexts) else each for each in parts]
         values = np.concatenate(numbers)
         made = self.numbers.setdefault(name, _Grown(self._kept))
         made.add(values if order is None else values[order])
@@ -259,18 +262,20 @@ class _Topic:
         return self._times[key]
 
 
-class Texts(NamedTuple):
+class MessageTexts(NamedTuple):
     """Texts of messages: each once, and which each message has (n,)."""
 
     texts: Sequence[str]
     codes: NDArray[np.int64]
 
     @staticmethod
-    def of(texts: Sequence[object]) -> Texts:
+    def of(texts: Sequence[object]) -> MessageTexts:
         """The texts of messages, one each."""
         known = dict.fromkeys(map(str, texts))
         place = {text: code for code, text in enumerate(known)}
-        return Texts([*known], np.array([place[str(text)] for text in texts], dtype=np.int64))
+        return MessageTexts(
+            [*known], np.array([place[str(text)] for text in texts], dtype=np.int64)
+        )
 
     def numbers(self) -> Vector:
         """(n,) Numbers that JSON has no sign for; not a number where it is another text."""
@@ -292,7 +297,9 @@ def _cdr(messages: CdrMessages) -> Decoder:
 
     def decode(found: ChannelMessages) -> Fields:
         for rows, content, layout in messages.split(found):
-            words = ((name, Texts(texts, codes)) for name, texts, codes in layout.words(content))
+            words = (
+                (name, MessageTexts(texts, codes)) for name, texts, codes in layout.words(content)
+            )
             yield rows, chain(layout.columns(content), words)
 
     return decode
@@ -315,7 +322,7 @@ def _json(found: ChannelMessages) -> Fields:
     for name, (rows, values) in numbers.items():
         yield np.array(rows), iter([(name, np.array(values, dtype=np.float64))])
     for name, (rows, words) in texts.items():
-        yield np.array(rows), iter([(name, Texts.of(words))])
+        yield np.array(rows), iter([(name, MessageTexts.of(words))])
 
 
 def _leaves(value: Any, path: str, into: dict[str, Any]) -> None:
