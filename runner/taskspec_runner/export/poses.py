@@ -15,7 +15,7 @@ from taskspec.program.bound import RowFunction
 from taskspec.program.program import Program
 from taskspec.program.world import estimated_frames
 from taskspec_runner.record.history import TO_REST, History
-from taskspec_runner.verdict.replay import Memory, Replay
+from taskspec_runner.verdict.replay import Replay, TrackingMemory
 
 Vector = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class _Earlier(NamedTuple):
     """
 
     placing: dict[str, RowFunction]
-    memory: Memory | None = None
+    memory: TrackingMemory | None = None
     levers: Mapping[int, Vector] = MappingProxyType({})
 
 

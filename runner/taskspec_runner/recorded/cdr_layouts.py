@@ -36,7 +36,7 @@ class DamagedMessageError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class FieldLayout:
     """Where the fields of messages are that agree in the lengths of their texts and lists.
 
     Attributes:
@@ -83,11 +83,11 @@ class CdrMessages:
     def __init__(self, definitions: Mapping[str, Any], name: str) -> None:
         """Takes the fields of messages, as rosbags has them, and which of them it is."""
         self._definitions, self._name = definitions, name
-        self._layouts: dict[int, list[Layout]] = {}
+        self._layouts: dict[int, list[FieldLayout]] = {}
 
     def split(
         self, found: ChannelMessages
-    ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.uint8], Layout]]:
+    ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.uint8], FieldLayout]]:
         """Rows of messages of one layout, their bytes (k, size), and the layout.
 
         Raises:
@@ -113,7 +113,7 @@ class CdrMessages:
                     yield rows[fits], messages[fits], layout
                     rows = rows[~fits]
 
-    def _layout(self, content: bytes) -> Layout:
+    def _layout(self, content: bytes) -> FieldLayout:
         walk = _Walk(content, self._definitions)
         walk.message(self._name, "")
         # What follows may be padding.
@@ -236,7 +236,7 @@ class _Walk:
         if self.at > len(self._content):
             raise DamagedMessageError("it is shorter than its fields")
 
-    def layout(self) -> Layout:
+    def layout(self) -> FieldLayout:
         """What was found."""
         runs: list[tuple[list[str], int, np.dtype[Any]]] = []
         for name, (start, dtype) in self._numbers.items():
@@ -246,7 +246,7 @@ class _Walk:
             else:
                 runs.append(([name], start, dtype))
         content = np.frombuffer(self._content, np.uint8)
-        return Layout(
+        return FieldLayout(
             tuple((tuple(names), start, dtype) for names, start, dtype in runs),
             tuple((name, start, end) for name, (start, end) in self._texts.items()),
             tuple((start, content[start:end]) for start, end in self._fixed),

@@ -67,8 +67,8 @@ class Replay:
         self._twists: dict[str, RowFunction] = {}
         self._levers: dict[int, Vector] = {}
         #: Memory of tracking frames at the last tick; and that from ticks which are not there.
-        self._memory: Memory | None = None
-        self._resumed: Memory | None = None
+        self._memory: TrackingMemory | None = None
+        self._resumed: TrackingMemory | None = None
         self._found: dict[tuple[str, str], Vector] = {}
 
     def signal(self, name: str, axis: str | None, frame_name: str) -> Vector:
@@ -412,7 +412,7 @@ class Replay:
             behind = states[:, -1]
             # What a tick puts out is of before it.
             states = np.column_stack([begun, states[:, :-1]])
-            last = Memory(of, states[:, -1], behind, visit.last)
+            last = TrackingMemory(of, states[:, -1], behind, visit.last)
             if plan.frame.name == frame.name:
                 found[rows] = states.T
         self._memory = last
@@ -450,7 +450,7 @@ def constant_axes(
     return np.array(axes).reshape(3, 3, order="F")
 
 
-class Memory(NamedTuple):
+class TrackingMemory(NamedTuple):
     """The memory of a tracking frame: of what, (9,) before and after a tick, and which tick."""
 
     of: str
