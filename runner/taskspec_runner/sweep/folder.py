@@ -164,6 +164,10 @@ def _check(path: Path, said: Mapping[str, Any]) -> None:
         )
 
 
+#: The last bytes of a Parquet file.
+_END_OF_TABLE = b"PAR1"
+
+
 @dataclass(frozen=True, slots=True)
 class WrittenSweep:
     """What the folder of a sweep, or of a share of one, holds.
@@ -227,7 +231,7 @@ def read_written(path: Path) -> WrittenSweep:
             content = file.read(LARGEST)
         rows, good = _read(path / JOURNAL)
         whole = good == _size(path / JOURNAL)
-        table = RunFolder(path).digest(TABLE)
+        table = _digest_of_table(path)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     sums = mapping(said.get("sha256"))
@@ -238,6 +242,21 @@ def read_written(path: Path) -> WrittenSweep:
         what = "is missing" if table is None else "was altered: it is not what was written"
         damage = f"{TABLE} {what}"
     return WrittenSweep(said, content, rows, damage)
+
+
+def _digest_of_table(path: Path) -> str | None:
+    """SHA-256 of the table; empty where it has no end, which need not be read, None without one."""
+    try:
+        with open_regular(path / TABLE) as file:
+            file.seek(-len(_END_OF_TABLE), os.SEEK_END)
+            if file.read() != _END_OF_TABLE:
+                return ""
+    except FileNotFoundError:
+        return None
+    except OSError:
+        # It is shorter than that, or no regular file.
+        return ""
+    return RunFolder(path).digest(TABLE)
 
 
 def _size(path: Path) -> int:
