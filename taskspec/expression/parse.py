@@ -143,7 +143,7 @@ def _parser() -> Lark:
 
 
 def _tables(parser: Lark) -> Any:
-    """What `Lark.save` writes as a pickle, as data: JSON runs nothing that lies in the cache."""
+    """What `Lark.save` writes, as data: JSON runs nothing that lies in the cache."""
     data, memo = parser.memo_serialize([TerminalDef, Rule])
     options = {**data["options"], "transformer": None}
     return _paired({"data": {**data, "options": options}, "memo": memo})
