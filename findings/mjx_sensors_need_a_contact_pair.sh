@@ -10,7 +10,7 @@
 # sensors, so they keep what they held before (here zero). The floor far away
 # "repairs" them. No error, no warning, and the motion itself is right.
 # A policy trained on such a model learns that the wrist force is always zero; a
-# stale value from mjx.put_data stays for the whole run.
+# value that mjx.put_data brought along stays for the whole run.
 set -euo pipefail
 
 work="$(mktemp -d)"
@@ -50,7 +50,10 @@ for name, extra in (("without floor", ""), ("with a floor 5 m below", floor)):
     dx = mjx.make_data(model).replace(qpos=jax.numpy.array(data.qpos))
     dx = jax.jit(mjx.forward)(mx, dx)
     got = np.array(dx.sensordata)
+    stale = dx.replace(sensordata=jax.numpy.full(6, -7.0))
+    stale = np.array(jax.jit(mjx.forward)(mx, stale).sensordata)
     print(f"{name}: expected {data.sensordata[[2, 5]].round(3)}, observed {got[[2, 5]].round(3)}")
+    assert extra or (stale == -7).all()  # a value from elsewhere stays
     assert abs(data.sensordata[2] - 19.62) < 1e-3 and data.ncon == 0
     assert np.abs(np.array(dx.qacc) - data.qacc).max() < 1e-5
     assert np.allclose(got, data.sensordata, atol=1e-5) if extra else not got.any()
