@@ -9,7 +9,7 @@
 # 'linear' extends the last segment; 'bspline' returns 0 and slope 0, no warning.
 # At the edge itself it is exact, so the force falls from 9000 N to 0 at once.
 # An optimiser that steps over the edge finds a flat force of zero there and stays;
-# a contact that is pressed deeper than the table turns frictionless and free.
+# a contact that is pressed deeper than the table has no force at all.
 set -euo pipefail
 
 work="$(mktemp -d)"

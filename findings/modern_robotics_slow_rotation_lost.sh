@@ -36,9 +36,9 @@ def turned(rate, step, seconds=60.0):
 print("modern-robotics", metadata.version("modern-robotics"))
 cases = [(5e-4, 0.001), (5e-4, 0.01), (2e-3, 0.001)]
 got = [turned(*case) for case in cases]
-for (rate, step), (angle, way) in zip(cases, got, strict=True):
+for (rate, step), (angle, moved) in zip(cases, got, strict=True):
     print(f"{rate * 1000:.1f} mrad/s, step {step * 1000:.0f} ms: expected {rate * 60000:6.1f} mrad, "
-          f"observed {angle * 1000:6.1f} mrad (moved {way * 1000:.1f} mm)")
+          f"observed {angle * 1000:6.1f} mrad (moved {moved * 1000:.1f} mm)")
 assert got[0][0] == 0.0 and got[0][1] > 0.059
 assert abs(got[1][0] - 0.03) < 1e-6 and abs(got[2][0] - 0.12) < 1e-6
 PY
