@@ -468,7 +468,7 @@ def test_validate_survives_an_internal_error(
 ) -> None:
     (here / "spoiled.yaml").write_text(SPOILED)
 
-    def broken(_: object) -> None:
+    def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("as a\ntest")
 
     monkeypatch.setattr("taskspec_runner.trial.check.examine", broken)
