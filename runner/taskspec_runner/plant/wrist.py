@@ -51,9 +51,44 @@ def wrist_wrench(
         wiring.reads(name, data.sensordata[at : at + 3])
         for name, at in zip(("linear", "angular", "turning"), addresses, strict=True)
     )
+    if (by_damping := _by_damping(model, data, arm, wiring)) is not None:
+        linear, angular = linear + by_damping[:3], angular + by_damping[3:]
     # MuJoCo's acceleration of a frame has gravity in it: it is that of a body held still.
     force = -mass * linear
     turned, spin = axes.T @ angular, axes.T @ turning
     moment = axes @ (-moments * turned - ca.cross(spin, moments * spin))
     lever = R @ wiring.numbers("lever", *model.body_ipos[body])
     return on_tip + ca.vertcat(force, moment + ca.cross(lever, force))
+
+
+def _by_damping(
+    model: mujoco.MjModel, data: mujoco.MjData, arm: SceneArm, wiring: Wiring
+) -> ca.SX | None:
+    """(6,) what the damping of joints adds to the acceleration of the tool's body, world axes.
+
+    MuJoCo's sensors have q'' = H^-1 u, with the damping of the step's beginning in u; its Euler
+    step takes it at the step's end, and goes by (H + T D)^-1 u. The difference is
+    -(H + T D)^-1 T D q''. None where no joint is damped.
+    """
+    dofs = arm.places(model).velocities
+    damping = model.dof_damping[dofs]
+    if not damping.any():
+        return None
+    count, first = len(damping), dofs.start
+    H = ca.SX(count, count)
+    for i in range(count):
+        at, size = model.M_rowadr[first + i], model.M_rownnz[first + i]
+        entries = wiring.reads(f"inertia_{i}", data.M[at : at + size])
+        for entry, column in enumerate(model.M_colind[at : at + size] - first):
+            H[i, column] = H[column, i] = entries[entry]
+    late = model.opt.timestep * wiring.numbers("joint_damping", *damping)
+    change = -ca.solve(H + ca.diag(late), late * wiring.reads("q_acceleration", data.qacc[dofs]))
+    body = model.body(arm.robot.tip_body).id
+    place = wiring.reads("tool_place", data.xipos[body])
+    origin = wiring.reads("root_place", data.subtree_com[model.body_rootid[body]])
+    added = ca.SX(6, 1)
+    for i in range(count):
+        twist = wiring.reads(f"motion_{i}", data.cdof[first + i])
+        turn, go = twist[:3], twist[3:]
+        added += change[i] * ca.vertcat(go + ca.cross(turn, place - origin), turn)
+    return added
