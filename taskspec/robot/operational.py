@@ -21,8 +21,8 @@ from taskspec.robot.twin import Twin
 
 Array = NDArray[np.float64]
 
-#: From here on J H^-1 J^T counts as singular.
-_CONDITION = 1e12
+#: From here on the condition of J H^-1 J^T is that of a singular pose.
+SINGULAR = 1e12
 
 
 class SingularPoseError(ValueError):
@@ -95,7 +95,7 @@ def operational_terms(twin: Twin, axes: Sequence[Axis], q: Array) -> Operational
     J, H = twin.jacobian(q)[rows], twin.inertia(q)
     from_forces = np.linalg.solve(H, J.T)
     mobility = J @ from_forces
-    if np.linalg.cond(mobility) > _CONDITION:
+    if np.linalg.cond(mobility) > SINGULAR:
         raise SingularPoseError("the tip cannot move along all of its axes here")
     inertia = np.linalg.inv(mobility)
     inertia = (inertia + inertia.T) / 2

@@ -24,14 +24,13 @@ from taskspec.program.reference.constraints import equation_gains
 from taskspec.program.sensor import SensorModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.program.world.stiffness import GRIP
+from taskspec.robot.operational import SINGULAR
 from taskspec.spec import Law
 
 Vector = NDArray[np.float64]
 
 #: How many times the error of a reading may come back turned round before it grows.
 FLIPPING = 2.0
-#: From here on J H^-1 J^T counts as singular.
-_CONDITION = 1e12
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,54 +101,52 @@ class DesignRules:
     def plants(self) -> dict[Axis, AxisPlant]:
         """Mass and stiffness of each axis at the start pose."""
         mobility, environment = self._kinematics.axis_mobility, self._environment
-        if np.linalg.cond(mobility) > _CONDITION:
+        if np.linalg.cond(mobility) > SINGULAR:
             # The run stops before its first tick; that it is said needs gains that are finite.
-            mobility = mobility + np.eye(len(mobility)) / _CONDITION
-        held, period = np.diag(np.linalg.inv(mobility)), self._context.period
+            mobility = mobility + np.eye(len(mobility)) / SINGULAR
+        inertia = np.asarray(np.linalg.inv(mobility), dtype=np.float64)
+        jams = [a for a in self._kinematics.axes if self._may_jam(a)]
+        ratio, period = self._flip(mobility, inertia) if jams else 0.0, self._context.period
         return {
             a: AxisPlant(
                 h=1.0 / mobility[i, i],
-                held=held[i],
+                held=inertia[i, i],
                 k=environment.by_axis[a],
                 period=period,
                 grip=environment.grip_damping(a) if self._contacts.held else None,
                 face=environment.face if a.is_rotation else 0.0,
-                jammed=self._jammed(a, mobility),
+                jammed=ratio / float(mobility[i, i]) if a in jams and ratio > FLIPPING else 0.0,
             )
             for i, a in enumerate(self._kinematics.axes)
         }
 
-    def _jammed(self, axis: Axis, mobility: Vector) -> float:
-        """The apparent mass of a force axis along which walls and their friction may hold the tool.
+    def _may_jam(self, axis: Axis) -> bool:
+        """Whether it is a force axis along which walls and their friction may hold the tool."""
+        contacts, context, name = self._contacts, self._context, self._contacts.main
+        if axis.is_rotation or name is None or not self._plans[axis].force:
+            return False
+        walls = not context.surfaces[name].convex and context.loaded.task.shapes[name].friction > 0
+        return walls and abs(contacts.facing(axis)) <= MOSTLY
 
-        Where nothing can move, u + f of a reading becomes I - (1 - b) Lambda_ss M^-1 times itself
-        in the next, with the axes s that give way, their apparent mass matrix M and the sensor's
-        low-pass b. Where that flips and grows with the masses of the free arm, an eigenvalue of
-        (1 - b) Lambda_ss M^-1 being beyond 2, they are raised until the largest is 1.
+    def _flip(self, mobility: Vector, inertia: Vector) -> float:
+        """How many times the error of a reading comes back turned round where nothing can move.
+
+        u + f of a reading becomes I - (1 - b) Lambda_ss M^-1 times itself in the next, with the
+        axes s that give way, their apparent mass matrix M and the sensor's low-pass b. The largest
+        eigenvalue of (1 - b) Lambda_ss M^-1 is returned, with the masses of the free arm: where it
+        flips and grows, beyond 2, so many times as large masses make it 1.
 
         Args:
-            axis: of the stage.
-            mobility: J H^-1 J^T on its axes.
-
-        Returns:
-            It [kg]; 0 where the mass of the free arm does, or nothing holds the tool.
+            mobility: J H^-1 J^T on the axes of the stage.
+            inertia: Lambda, its inverse.
         """
-        contacts, context, plans = self._contacts, self._context, self._plans
-        name = contacts.main
-        if axis.is_rotation or name is None or not plans[axis].force:
-            return 0.0
-        walls = not context.surfaces[name].convex and context.loaded.task.shapes[name].friction > 0
-        if not walls or abs(contacts.facing(axis)) > MOSTLY:
-            return 0.0
-        rows = [i for i, plan in enumerate(plans.values()) if plan.force or plan.soft]
-        free = mobility[np.ix_(rows, rows)]
+        rows = [i for i, plan in enumerate(self._plans.values()) if plan.force or plan.soft]
+        free, held = (each[np.ix_(rows, rows)] for each in (mobility, inertia))
         if not self._law.control_law.selects:
             free = np.diag(np.diag(free))
-        held = np.linalg.inv(mobility)[np.ix_(rows, rows)]
-        pole = SensorModel.of(context.loaded.task.robot.sensor, context.period).pole
-        ratio = (1 - pole) * float(np.max(np.linalg.eigvals(held @ free).real))
-        i = self._kinematics.axes.index(axis)
-        return ratio / float(mobility[i, i]) if ratio > FLIPPING else 0.0
+        sensor = self._context.loaded.task.robot.sensor
+        pole = SensorModel.of(sensor, self._context.period).pole
+        return (1 - pole) * float(np.max(np.linalg.eigvals(held @ free).real))
 
     def _pressed(self, axis: Axis) -> float:
         """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not."""
