@@ -24,10 +24,11 @@ MAGIC = b"\x89MCAP0\r\n"
 _CHUNK = 1 << 21
 #: Of zstd's; higher ones take longer than all the rest, for files that are a twentieth smaller.
 _LEVEL = 1
-_MESSAGE, _MESSAGE_INDEX, _FOOTER = 0x05, 0x07, 0x02
+#: Opcodes.
+MESSAGE, MESSAGE_INDEX, FOOTER = 0x05, 0x07, 0x02
 #: Opcode, length, channel, sequence, and the times of log and publication [ns] of a message.
-_HEAD = struct.Struct("<BQHIQQ")
-_LOG, _PUBLISHED = 15, 23
+MESSAGE_HEAD = struct.Struct("<BQHIQQ")
+LOG_TIME, _PUBLISHED = 15, 23
 #: Opcode, length, channel, and bytes of the entries of a message index.
 _INDEX = struct.Struct("<BQHI")
 #: Opcode and length of a footer, and where the summary and its offsets begin.
@@ -121,7 +122,9 @@ class ChunkedFile:
         """Puts messages into chunks."""
         templates = [column.layout.template for column in columns]
         heads = [
-            _HEAD.pack(_MESSAGE, _HEAD.size - 9 + len(template), column.channel, 0, 0, 0)
+            MESSAGE_HEAD.pack(
+                MESSAGE, MESSAGE_HEAD.size - 9 + len(template), column.channel, 0, 0, 0
+            )
             for column, template in zip(columns, templates, strict=True)
         ]
         parts = [part for both in zip(heads, templates, strict=True) for part in both]
@@ -135,11 +138,11 @@ class ChunkedFile:
             starts = self._size + len(tick) * np.arange(len(now), dtype=np.uint64)
             at = 0
             for column, template in zip(columns, templates, strict=True):
-                for place in (at + _LOG, at + _PUBLISHED):
+                for place in (at + LOG_TIME, at + _PUBLISHED):
                     made[:, place : place + 8] = bytes_of(now)
                 entries = np.column_stack([now, starts + np.uint64(at)])
                 self._index.setdefault(column.channel, []).append(entries)
-                at += _HEAD.size
+                at += MESSAGE_HEAD.size
                 slots = [values[rows] for values in column.slots]
                 column.layout.fill(made[:, at : at + len(template)], slots)
                 at += len(template)
@@ -187,7 +190,7 @@ class ChunkedFile:
         of_offsets = self._at
         for record in offsets:
             self._write(record)
-        head = _FOOTER_START.pack(_FOOTER, _FOOTER_START.size - 9 + 4, start, of_offsets)
+        head = _FOOTER_START.pack(FOOTER, _FOOTER_START.size - 9 + 4, start, of_offsets)
         self._write(records.Footer(start, of_offsets, zlib.crc32(head, self._crc)))
         self._put(MAGIC)
 
@@ -229,7 +232,7 @@ class ChunkedFile:
         for channel, entries in index.items():
             offsets[channel] = self._at
             data = entries.astype("<u8").tobytes()
-            head = _INDEX.pack(_MESSAGE_INDEX, _INDEX.size - 9 + len(data), channel, len(data))
+            head = _INDEX.pack(MESSAGE_INDEX, _INDEX.size - 9 + len(data), channel, len(data))
             self._put(head + data)
             self._messages[channel] += len(entries)
         self._chunks.append(

@@ -17,14 +17,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
-from taskspec_runner.export.chunks import MAGIC
+from taskspec_runner.export.chunks import (
+    FOOTER,
+    LOG_TIME,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_HEAD,
+    MESSAGE_INDEX,
+)
 from taskspec_runner.export.missing import library
 
-_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _INDEX, _DATA_END, _FOOTER = 3, 4, 5, 6, 7, 15, 2
+#: Opcodes.
+_SCHEMA, _CHANNEL, _CHUNK, _DATA_END = 0x03, 0x04, 0x06, 0x0F
 _RECORD = struct.Struct("<BQ")
-_CHANNEL_OF_MESSAGE = struct.Struct("<BQH")
-#: Bytes of a message before its content, and where its time is among them.
-_HEAD, _TIME = 31, 15
+#: Bytes of a message before its content.
+_HEAD = MESSAGE_HEAD.size
 #: Bytes of messages outside of chunks that are taken together.
 _LOOSE = 1 << 20
 
@@ -93,21 +100,21 @@ class ChunkReader:
         if self._take(len(MAGIC)) != MAGIC:
             raise DamagedFileError("it does not begin as one")
         chunk, index, loose, opcode = b"", list[bytes](), bytearray(), 0
-        while opcode != _FOOTER:
+        while opcode != FOOTER:
             crc = self._crc
             opcode, length = _RECORD.unpack(self._take(_RECORD.size))
             if length > size - self._file.tell():
                 raise DamagedFileError("a record is cut short")
             content = self._take(length)
-            if opcode == _INDEX:
+            if opcode == MESSAGE_INDEX:
                 index.append(content)
                 continue
             if chunk:
                 yield from self._messages(chunk, index)
             chunk, index = self._chunk(content) if opcode == _CHUNK else b"", []
-            if opcode == _MESSAGE:
+            if opcode == MESSAGE:
                 loose += _RECORD.pack(opcode, length) + content
-            if loose and (opcode != _MESSAGE or len(loose) >= _LOOSE):
+            if loose and (opcode != MESSAGE or len(loose) >= _LOOSE):
                 yield from self._messages(bytes(loose), [])
                 loose.clear()
             self._define(opcode, content)
@@ -127,7 +134,7 @@ class ChunkReader:
         stream = self._stream(io.BytesIO(content))
         if opcode == _DATA_END:
             stated, what, self._crc = self._records.DataEnd.read(stream).data_section_crc, "data", 0
-        elif opcode == _FOOTER:
+        elif opcode == FOOTER:
             stated, what = self._records.Footer.read(stream).summary_crc, "summary"
             crc = zlib.crc32(_RECORD.pack(opcode, len(content)) + content[:-4], crc)
         else:
@@ -159,7 +166,7 @@ class ChunkReader:
             return
         lengths, channels, times = (
             _field(content, starts_of + at, dtype)
-            for at, dtype in ((1, "<u8"), (9, "<u2"), (_TIME, "<i8"))
+            for at, dtype in ((1, "<u8"), (9, "<u2"), (LOG_TIME, "<i8"))
         )
         ends = starts_of + _RECORD.size + lengths.astype(np.int64)
         same: dict[tuple[str, str, int], list[int]] = {}
@@ -179,7 +186,7 @@ class ChunkReader:
     def _starts(self, content: bytes, index: Sequence[bytes]) -> NDArray[np.int64]:
         """(n,) where the messages of a chunk begin.
 
-        Those that its index has are looked at all at once, if they fill the chunk from one to the
+        Those that its index has are taken all at once, if they fill the chunk from one to the
         next; what lies between them is read record by record.
         """
         entries = [np.frombuffer(each, "<u8", offset=6).reshape(-1, 2)[:, 1] for each in index]
@@ -187,7 +194,7 @@ class ChunkReader:
         known = known[(known >= 0) & (known <= len(content) - _HEAD)]
         if len(known):
             lengths = _field(content, known + 1, "<u8")
-            right = (np.frombuffer(content, np.uint8)[known] == _MESSAGE) & (lengths < 1 << 40)
+            right = (np.frombuffer(content, np.uint8)[known] == MESSAGE) & (lengths < 1 << 40)
             known, ends = known[right], (known + _RECORD.size + lengths.astype(np.int64))[right]
         if not len(known):
             return np.array([*self._walked(content, 0, len(content))], dtype=np.int64)
@@ -204,9 +211,9 @@ class ChunkReader:
                 raise DamagedFileError("a record of a chunk is cut short")
             opcode, length = _RECORD.unpack_from(content, at)
             after = at + _RECORD.size + length
-            if after > end or (opcode == _MESSAGE and length < _HEAD - _RECORD.size):
+            if after > end or (opcode == MESSAGE and length < _HEAD - _RECORD.size):
                 raise DamagedFileError("a record of a chunk is cut short")
-            if opcode == _MESSAGE:
+            if opcode == MESSAGE:
                 yield at
             self._define(opcode, content[at + _RECORD.size : after])
             at = after
