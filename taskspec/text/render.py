@@ -10,6 +10,7 @@ import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from enum import StrEnum
 
+from taskspec.text.characters import escaped
 from taskspec.text.diagnostic import Diagnostic
 from taskspec.text.source import Source, Span
 
@@ -83,26 +84,18 @@ def headline(diagnostic: Diagnostic) -> Line:
 
 def visible(text: str) -> str:
     """The text with everything that could move a terminal's cursor written as an escape."""
-    if text.isprintable():
-        return text
-    return "".join(
-        c if c == "\n" or c.isprintable() else c.encode("unicode_escape").decode() for c in text
-    )
-
-
-def _on_one_line(text: str) -> str:
-    # A line that begins with what a file says may be a command to whoever reads the log of a CI.
-    return visible(text).replace("\n", "\\n")
+    return "\n".join(map(escaped, text.split("\n")))
 
 
 def _header(source: str, span: Span | None, style: Style, code: str, message: str) -> Line:
-    place = _on_one_line(source)
+    # A line that begins with what a file says may be a command to whoever reads the log of a CI.
+    place = escaped(source)
     if span is not None:
         place = f"{place}:{span.line}:{span.column}"
     return (
         (f"{place}: ", Style.PLACE),
         (f"{style}{code}", style),
-        (f": {_on_one_line(message)}", Style.MESSAGE),
+        (f": {escaped(message)}", Style.MESSAGE),
     )
 
 
