@@ -9,6 +9,8 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
+from taskspec.regular_file import open_regular
+
 VARIABLE = "TASKSPEC_CACHE"
 
 _MAGIC = b"taskspec store 1\n"
@@ -95,7 +97,8 @@ class Store:
             return None
         path = self._path(self._folder, key)
         try:
-            whole = _read(path)
+            with open_regular(path, links=False) as file:
+                whole = file.read()
         except OSError:
             return None
         start = len(_MAGIC) + _DIGEST
@@ -175,20 +178,6 @@ def _is_ours(folder: Path) -> bool:
     except (OSError, RuntimeError):
         return False
     return True
-
-
-def _read(path: Path) -> bytes:
-    """The content of a regular file; nothing is waited for, as the other end of a pipe would be.
-
-    Raises:
-        OSError: it is another thing, or cannot be read.
-    """
-    flags = (getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
-    descriptor = os.open(path, os.O_RDONLY | sum(flags))
-    with os.fdopen(descriptor, "rb") as file:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise OSError(None, "it is not a regular file")
-        return file.read()
 
 
 def _write(path: Path, data: bytes) -> None:

@@ -18,6 +18,7 @@ import pytest
 from short_tasks import TAP
 from typer.testing import CliRunner, Result
 
+from taskspec.regular_file import open_regular
 from taskspec_runner.cli import app
 from taskspec_runner.errors import OutputError
 from taskspec_runner.record import whole as wholes
@@ -25,7 +26,7 @@ from taskspec_runner.record.folder import RunFolder
 from taskspec_runner.record.lock import LOCK, FolderLock, holder
 from taskspec_runner.record.log import read_log
 from taskspec_runner.record.recorder import BATCH, ROOM
-from taskspec_runner.record.whole import PARTIAL, open_regular, whole, write_whole
+from taskspec_runner.record.whole import PARTIAL, whole, write_whole
 from taskspec_runner.runs import Run
 
 #: Goes on until it is ended.

@@ -156,8 +156,8 @@ def _includes(file: Path) -> set[str]:
 
 def _content(file: Path) -> bytes | None:
     """The bytes of a file as far as a task may be long; None where it is none to be read."""
+    from taskspec.regular_file import open_regular
     from taskspec.text.yaml import MAX_BYTES
-    from taskspec_runner.record.whole import open_regular
 
     try:
         with open_regular(file) as stream:

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
+from taskspec.regular_file import open_regular
 from taskspec_runner.compare.attempt import AS_WRITTEN
 from taskspec_runner.record.folder import LARGEST, parse_json
 from taskspec_runner.record.manifest import SEAL, seal
 from taskspec_runner.record.names import COMPARISON
-from taskspec_runner.record.whole import open_regular
 from taskspec_runner.runs import Run
 
 Json = Mapping[str, Any]

@@ -30,7 +30,7 @@ STOP_AFTER = 20
 #: A sample is that of a tick if its stamp is nearer than this [periods]. Between a half and one, so
 #: that a clock that drifts loses one sample in a while, and not many about the half.
 _STAMP_TOLERANCE = 0.75
-#: Samples in a row that bring nothing new before a robot is given up, and for how long [s].
+#: Samples in a row that bring nothing new before a run ends, and for how long [s].
 _USELESS, _USELESS_FOR = 1000, 2.0
 #: Periods that a robot's clock may go on by at once: what is beyond is no clock.
 _FARTHEST = 1e9

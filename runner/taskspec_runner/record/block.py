@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.native.kernel import Words
+from taskspec.regular_file import open_regular
 from taskspec_runner.errors import OutputError
-from taskspec_runner.record.whole import open_regular
 
 Vector = NDArray[np.float64]
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 
+from taskspec.regular_file import open_regular
 from taskspec.text.yaml import MAX_BYTES
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.block import LeftTicks, read_block
@@ -25,7 +26,6 @@ from taskspec_runner.record.folder import (
 from taskspec_runner.record.log import LogReader
 from taskspec_runner.record.manifest import FORMAT, SEAL, run_mark, seal
 from taskspec_runner.record.names import BLOCK, LOG, MANIFEST, SUMMARY, TASK
-from taskspec_runner.record.whole import open_regular
 
 _UNSEALED = 1
 

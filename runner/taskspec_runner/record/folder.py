@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from taskspec.deferred_methods import dataclass
+from taskspec.regular_file import open_regular
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record.extent import ENDED
 from taskspec_runner.record.lock import LOCK, FolderLock, holder
@@ -31,7 +32,7 @@ from taskspec_runner.record.names import (
     TABLE,
     TASK,
 )
-from taskspec_runner.record.whole import PARTIAL, open_regular, write_whole
+from taskspec_runner.record.whole import PARTIAL, write_whole
 
 if TYPE_CHECKING:
     from taskspec_runner.record.log import Log

@@ -11,11 +11,11 @@ from io import BufferedReader
 from pathlib import Path
 
 from taskspec.deferred import pa
+from taskspec.regular_file import open_regular
 from taskspec_runner.errors import OutputError
 from taskspec_runner.record.block import Block
 from taskspec_runner.record.history import STAGE, History, HistoryBuilder
 from taskspec_runner.record.names import BLOCK
-from taskspec_runner.record.whole import open_regular
 
 #: What a batch says: its number from 0, ticks before it, its run, SHA-256 of what is before it.
 _NUMBER, _FIRST, _RUN, _BEFORE = b"batch", b"first", b"run", b"before"

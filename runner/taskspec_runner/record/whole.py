@@ -1,4 +1,4 @@
-"""Files that are whole or not there: how every file is written, and how one is opened to be read.
+"""Files that are whole or not there: how every file is written.
 
 A file is written beside its place, brought to the disk and renamed. What a killed process leaves
 is a file that begins with `PARTIAL`, beside the untouched old one.
@@ -9,9 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-import stat
 from collections.abc import Iterator
-from io import BufferedReader
 from pathlib import Path
 
 from taskspec_runner.errors import OutputError
@@ -76,16 +74,3 @@ def sync_folder(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
-
-
-def open_regular(path: Path) -> BufferedReader:
-    """Opens a file to be read. Nothing is waited for, as the other end of a pipe would be.
-
-    Raises:
-        OSError: there is none, or it is no regular file.
-    """
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    if stat.S_ISREG(os.fstat(descriptor).st_mode):
-        return os.fdopen(descriptor, "rb")
-    os.close(descriptor)
-    raise OSError(None, "it is not a regular file")

@@ -12,6 +12,7 @@ from pydantic import Field, ValidationError
 
 from taskspec.deferred_methods import dataclass
 from taskspec.expression.syntax import unknown_unit
+from taskspec.regular_file import open_regular
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.fields import RPY, XYZ
 from taskspec.spec.model import REPORTED, Model, short_form
@@ -28,7 +29,6 @@ from taskspec.text.suggest import suggestion
 from taskspec.text.units import FREQUENCY, NUMBER, TIME, split_quantity, to_si
 from taskspec.text.yaml import MAX_BYTES, read
 from taskspec_runner.errors import InputError
-from taskspec_runner.record.whole import open_regular
 from taskspec_runner.recorded.source import COMMA, POINT
 from taskspec_runner.recorded.stamps import FIRST, LAST, MEAN
 from taskspec_runner.recorded.units import column_unit

@@ -20,12 +20,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.regular_file import open_regular
 from taskspec_runner.errors import InputError
 from taskspec_runner.export.missing import library
 from taskspec_runner.record.file_array import blocks
 from taskspec_runner.record.folder import parse_json
 from taskspec_runner.record.mapped import KeptArrays, gathered
-from taskspec_runner.record.whole import open_regular
 from taskspec_runner.recorded.cdr_layouts import LONGEST_LIST, CdrMessages
 from taskspec_runner.recorded.mcap_chunks import ChannelMessages, ChunkReader
 from taskspec_runner.recorded.sample_texts import SampleTexts, SampleTextsBuilder

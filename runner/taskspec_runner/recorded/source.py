@@ -19,10 +19,10 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from taskspec.regular_file import open_regular
 from taskspec_runner.errors import InputError
 from taskspec_runner.export.tables import SCHEMA_SUM, schema_sum
 from taskspec_runner.record.mapped import GrowingColumns
-from taskspec_runner.record.whole import open_regular
 from taskspec_runner.recorded.sample_texts import SampleTexts, SampleTextsBuilder
 from taskspec_runner.runs import ROWS
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from taskspec.deferred_methods import dataclass
+from taskspec.regular_file import open_regular
 from taskspec.spec import LoadedTask, load_text
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record import folder as folders
@@ -18,7 +19,6 @@ from taskspec_runner.record.folder import LARGEST, RUNS, Json, RunFolder, mappin
 from taskspec_runner.record.lock import FolderLock
 from taskspec_runner.record.manifest import SEAL, seal
 from taskspec_runner.record.names import JOURNAL, SWEEP, TABLE, TASK
-from taskspec_runner.record.whole import open_regular
 from taskspec_runner.sweep.world_run import Row
 
 PAGE = "sweep.html"

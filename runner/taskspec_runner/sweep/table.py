@@ -12,10 +12,10 @@ import pyarrow.parquet as pq
 
 from taskspec.program.context import Context
 from taskspec.program.worlds import World, world_from
+from taskspec.regular_file import open_regular
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.folder import parse_json
 from taskspec_runner.record.names import TABLE
-from taskspec_runner.record.whole import open_regular
 from taskspec_runner.sweep.world_run import Row
 
 _WHOLE = ("world", "seed", "number", "ticks")
