@@ -1,7 +1,7 @@
 """Robots that send any value: what becomes of a run on one.
 
 A robot is its seed. Nothing is sent but values that the packets and the JSON of docs/protocol.md
-can have; what is asked is that a run refuses them, stops by name, or goes on.
+can have; what is promised is that a run refuses them, stops by name, or goes on.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # casadi 3.8.2: the same lookup table is 0 outside its grid as a B-spline, but not as linear.
 #
-# A force-depth table, F = 1000 * d**2, on the grid d = 0, 1, 2, 3; the point asked
-# for is 0.1 % beyond the last grid point.
+# A force-depth table, F = 1000 * d**2, on the grid d = 0, 1, 2, 3; the force is
+# wanted 0.1 % beyond the last grid point.
 # The user guide introduces interpolant with the two plugins 'linear' and 'bspline'
 # as ways of interpolating one and the same table. So one expects about 9000 N
 # from both, or an error outside the grid.

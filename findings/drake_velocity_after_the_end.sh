@@ -2,7 +2,7 @@
 # drake 1.51.1: after its end a trajectory stands still and reports full speed.
 #
 # A straight line from 0 to 1 m within 1 s as PiecewisePolynomial.FirstOrderHold,
-# and a turn of 3 rad as PiecewiseQuaternionSlerp, both asked at t = 5 s.
+# and a turn of 3 rad as PiecewiseQuaternionSlerp, both evaluated at t = 5 s.
 # The reference of value and EvalDerivative says that they evaluate the trajectory
 # and its derivative at t; value outside the range is that of the nearest end. So
 # one expects the derivative of a value that does not change: 0, as PiecewisePose

@@ -39,7 +39,7 @@ class ExaminationBounds:
     """
 
     def __init__(self, most: int = MOST_STAGES, seconds: float = MOST_SECONDS) -> None:
-        """ExaminationBounds that count from now on; `seconds` of processor time."""
+        """Bounds that count from now on; `seconds` of processor time."""
         self.most, self._seconds = most, seconds
         self._end = time.process_time() + seconds
 

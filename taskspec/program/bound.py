@@ -16,7 +16,7 @@ Vector = NDArray[np.float64]
 
 #: Rows that are evaluated at a time.
 CHUNK = 128
-#: Rows from which on machine code is asked for: to load what makes it takes a tenth of a second.
+#: Rows from which on machine code is made: to load what makes it takes a tenth of a second.
 _MANY = 10_000
 
 

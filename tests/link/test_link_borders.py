@@ -174,7 +174,7 @@ def hello(name: str) -> bytes:
 def test_a_hello_without_a_command_keeps_nobody_from_driving(
     tmp_path: Path, stray: socket.socket
 ) -> None:
-    """The first command decides who drives; who had only said hello is told so."""
+    """The first command decides who drives; who had only said hello gets that message."""
     with Serving(TOUCH, tmp_path / "served") as serving:
         stray.sendto(hello("stray\x1b[2J"), ("127.0.0.1", serving.port))
         assert packets.read_packet(stray.recv(65535)).kind == packets.WELCOME
