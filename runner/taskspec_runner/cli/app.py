@@ -36,11 +36,16 @@ def _version(chosen: bool) -> None:
 
 @app.callback()
 def _taskspec(
-    version: Annotated[
+    context: typer.Context,
+    version: Annotated[  # noqa: ARG001
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version.")
     ] = False,
 ) -> None:
     """Tasks in contact: written as text, checked before anything moves, run in simulation."""
+    from taskspec_runner.cli.diagnostics import forces_color
+
+    if forces_color():
+        context.color = True
 
 
 @_command

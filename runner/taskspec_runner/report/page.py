@@ -387,7 +387,9 @@ def _truth(run: Run) -> Markup:
     faults = ([each.text, each.when] for each in fault_times(run.summary))
     return _of_tables(
         "Model mismatch",
-        table(["Of the world and the robot", right("Nominal"), right("Actual")], differs, "metrics"),
+        table(
+            ["Of the world and the robot", right("Nominal"), right("Actual")], differs, "metrics"
+        ),
         table(["Fault", right("When")], faults, "metrics"),
     )
 
