@@ -355,6 +355,25 @@ def export(
 
 
 @_command
+def runs(
+    folder: Annotated[Path, typer.Argument(help="The folder of runs.")] = Path("runs"),
+    most: Annotated[
+        int, typer.Option("-n", min=1, metavar="N", help="List at most N folders.")
+    ] = 30,
+    html: Annotated[
+        Path | None, typer.Option(help="Write a page with the trend of every task, too.")
+    ] = None,
+    form: Annotated[RunFormat, typer.Option("--format", help="The format of the list.")] = (
+        RunFormat.TEXT
+    ),
+) -> int:
+    """List runs, comparisons and sweeps, newest first, and since when a task misses."""
+    from taskspec_runner.cli.runs import list_runs
+
+    return list_runs(folder, html, form, most)
+
+
+@_command
 def diff(
     a: Annotated[Path, typer.Argument(metavar="RUN_A", help="The folder of a run.")],
     b: Annotated[
