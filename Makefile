@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench docs docs-shown docs-site
-.PHONY: docs-serve steps foreign native designs equivalence truth tsid referee check clean
+.PHONY: vscode docs-serve steps foreign native designs equivalence truth tsid referee check clean
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -103,6 +103,9 @@ bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a chan
 	$(BIN)/python benchmarks/bench_tiers.py
 	$(BIN)/python benchmarks/bench_stages.py
 	$(BIN)/python benchmarks/bench_validate.py
+
+vscode:  ## the extension for VS Code, as editors/vscode/taskspec-VERSION.vsix; needs npm
+	cd editors/vscode && npm install --no-audit --no-fund && npx vsce package
 
 docs: docs-shown docs-site  ## the site in build/site, its pictures and what its pages show made anew
 

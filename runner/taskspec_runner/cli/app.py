@@ -374,6 +374,14 @@ def runs(
 
 
 @_command
+def lsp() -> int:
+    """Serve an editor over the Language Server Protocol, on standard input and output."""
+    from taskspec_runner.cli.lsp import serve
+
+    return serve()
+
+
+@_command
 def diff(
     a: Annotated[Path, typer.Argument(metavar="RUN_A", help="The folder of a run.")],
     b: Annotated[
