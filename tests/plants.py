@@ -36,7 +36,8 @@ class Pushed:
             "taskspec: 1\nname: pushed\n"
             f"robot: {{model: panda, balanced: true, joint_damping: {damping} N*m*s/rad, "
             f"start: {{xyz: {start}}}, {robot}}}\n"
-            f"control: {{plant_rate: {rate} kHz}}\nworld: {{{world}}}\nstages: {{wait: {{time: 1 s}}}}\n"
+            f"control: {{plant_rate: {rate} kHz}}\nworld: {{{world}}}\n"
+            "stages: {wait: {time: 1 s}}\n"
         )
         self.task = load_text(text, "pushed.yaml").task
         start_pose = self.task.robot.start

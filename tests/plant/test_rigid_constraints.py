@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from plants import Pushed
 
 import constrained_forms
+from plants import Pushed
 from taskspec.control import linear
 from taskspec.program.world.equations import equation_models
 from taskspec_runner.plant import rigid_constraints
