@@ -103,6 +103,7 @@ bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a chan
 	$(BIN)/python benchmarks/bench_tiers.py
 	$(BIN)/python benchmarks/bench_stages.py
 	$(BIN)/python benchmarks/bench_validate.py
+	$(BIN)/python benchmarks/bench_exact.py
 
 docs: docs-shown docs-site  ## the site in build/site, its pictures and what its pages show made anew
 
