@@ -103,6 +103,7 @@ bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a chan
 	$(BIN)/python benchmarks/bench_tiers.py
 	$(BIN)/python benchmarks/bench_stages.py
 	$(BIN)/python benchmarks/bench_validate.py
+	$(BIN)/python benchmarks/bench_exact.py
 
 vscode:  ## the extension for VS Code, as editors/vscode/taskspec-VERSION.vsix; needs npm
 	cd editors/vscode && npm install --no-audit --no-fund && npx vsce package

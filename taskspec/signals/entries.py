@@ -236,12 +236,20 @@ def _lost(at: Situation) -> None:
 
 @signal(
     "gap",
-    of={"shape": LENGTH, "equation": LENGTH, "joint equation": ANGLE},
+    of={
+        "shape": LENGTH,
+        "equation": LENGTH,
+        "joint equation": ANGLE,
+        "exact equation": LENGTH,
+        "exact joint equation": ANGLE,
+    },
     meanings={
         "shape": "signed distance of the tool's shape from it",
         "equation": "distance of the tip along the unit gradient, left minus right over its "
         "gradient",
         "joint equation": "the same in joint space",
+        "exact equation": "its drift, as of an `equation`",
+        "exact joint equation": "its drift, as of a `joint equation`",
     },
 )
 def _object_gap(at: Situation, name: str) -> ca.SX | None:
@@ -276,15 +284,32 @@ def _object_force(at: Situation, name: str) -> ca.SX | None:
 
 @signal(
     "force",
-    of={"equation": FORCE},
-    meanings={"equation": "what the robot applies along the unit gradient"},
+    of={"equation": FORCE, "exact equation": FORCE},
+    meanings={
+        "equation": "what the robot applies along the unit gradient",
+        "exact equation": "as of an `equation`",
+    },
     beside=(REFERENCE, MEASURED),
 )
 @signal(
     "torque",
-    of={"joint equation": MOMENT},
-    meanings={"joint equation": "the same in joint space"},
+    of={"joint equation": MOMENT, "exact joint equation": MOMENT},
+    meanings={
+        "joint equation": "the same in joint space",
+        "exact joint equation": "as of a `joint equation`",
+    },
     beside=(REFERENCE, MEASURED),
+)
+@signal(
+    "lambda",
+    of={"exact equation": FORCE, "exact joint equation": MOMENT},
+    meanings={
+        "exact equation": "the multiplier of (4.77) along the unit gradient, with the sign of "
+        "`force`, of which it is the true value",
+        "exact joint equation": "the same in joint space, with the sign of `torque`",
+    },
+    unmeasured="the robot does not know a multiplier; what it measures of it is the force or "
+    "torque of the equation",
 )
 @signal(
     "force",
