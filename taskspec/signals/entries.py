@@ -195,7 +195,7 @@ def _limited(at: Situation) -> ca.SX:
     return at.limited
 
 
-@signal("position", ANGLE, of=Index.JOINT)
+@signal("position", ANGLE, of=Index.JOINT, beside=(REFERENCE,))
 def _joint_position(at: Situation, number: str) -> ca.SX:
     """Position of joint N, counted from 1."""
     return at.q[int(number) - 1]
@@ -235,14 +235,17 @@ def _lost(at: Situation) -> None:
 
 
 @signal(
+    "gap", of={"shape": LENGTH}, meanings={"shape": "signed distance of the tool's shape from it"}
+)
+@signal(
     "gap",
-    of={"shape": LENGTH, "equation": LENGTH, "joint equation": ANGLE},
+    of={"equation": LENGTH, "joint equation": ANGLE},
     meanings={
-        "shape": "signed distance of the tool's shape from it",
         "equation": "distance of the tip along the unit gradient, left minus right over its "
-        "gradient",
+        "gradient; `.ref` is that of the joints' references",
         "joint equation": "the same in joint space",
     },
+    beside=(REFERENCE,),
 )
 def _object_gap(at: Situation, name: str) -> ca.SX | None:
     return at.objects[name].distance
@@ -301,3 +304,20 @@ def _object_force(at: Situation, name: str) -> ca.SX | None:
 )
 def _object_effort(at: Situation, name: str) -> ca.SX | None:
     return at.objects[name].effort
+
+
+@signal(
+    "residual",
+    of=dict.fromkeys(("equation", "joint equation"), MOMENT),
+    meanings={
+        "equation": "what its constraint cannot make of its `generalised` set point: "
+        "the length of u_φ,d − J_φᵀ λ_d",
+        "joint equation": "the same",
+    },
+    low=0.0,
+    output="reaction_residual",
+    unmeasured="it says how a set point fits its constraint, which nothing measured changes; judge "
+    "it in 'expect'",
+)
+def _object_residual(at: Situation, name: str) -> None:
+    """Joint torques that no force of the constraint makes."""

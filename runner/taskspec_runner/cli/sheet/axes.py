@@ -13,7 +13,7 @@ from taskspec.geometry.axis import Axis
 from taskspec.program.program import Program
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.spec import Screw
+from taskspec.spec import Screw, SetPoint
 from taskspec.text.units import STIFFNESS, number, scaled, show
 
 #: Stands below the tables.
@@ -43,9 +43,16 @@ def equation_row(program: Program, stage: CompiledStage, name: str) -> AxisRow:
     model = program.context.equations[name]
     declared = program.context.loaded.task.equations[name]
     side = "" if model.constraint.relation == "=" else " (pushes only)"
-    reference = "0" if wanted is None else str(wanted.wanted)
-    artificial = f"{'m' if model.joints else 'f'} = {reference} along its gradient"
+    artificial = f"{'m' if model.joints else 'f'} = {_set_point(wanted)} along its gradient"
     return AxisRow(name, f"{declared.equation}{side}", artificial, "force control")
+
+
+def _set_point(point: SetPoint | None) -> str:
+    if point is None:
+        return "0"
+    if point.wanted is None:
+        return f"that of [{', '.join(map(str, point.expressions))}] on the joints"
+    return str(point.wanted)
 
 
 def _velocity(axis: Axis) -> str:
