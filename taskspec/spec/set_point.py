@@ -83,6 +83,8 @@ class SetPoints(FieldType):
             if name not in known:
                 span = value.node.key_span(name)
                 hint = _AXIS if name in context.objects else suggestion(name, known, "equations")
+                if name in SetPoint.model_fields:
+                    hint = f"it stands under its equation, such as {{rim: {{{name}: ..}}}}"
                 context.error("TS123", f"'{name}' is no equation", span, hint)
                 continue
             self._check(name, entry, context)
@@ -102,7 +104,7 @@ class SetPoints(FieldType):
         elif right in entry and _JOINTS in entry:
             message = f"a '{right}' beside '{_JOINTS}', which says what it is"
             context.error("TS026", message, entry.node.key_span(_JOINTS), "keep one of the two")
-        elif right not in entry and _JOINTS not in entry and complete(entry, context):
+        elif entry.keys() <= {"ramp"} and complete(entry, context):
             message = f"a set point needs a '{right}'"
             unit = fitting(FORCE.on(rotation=on_joints))[0]
             hint = f"such as {{{right}: 20 {unit}}}, or joint torques: {{{_JOINTS}: [1 N*m, 0]}}"

@@ -313,8 +313,7 @@ def _check_joints(data: Map, context: ParseContext) -> None:
 
 _HAVING = " or ".join(name for name, facts in LAWS.items() if facts.multipliers)
 _NOT_WITH_JOINTS = {
-    "axes": "all joints are on the path, and none is left to an axis: make two stages of it, or "
-    f"give the force to an equation of the world, under constraints and the law {_HAVING}",
+    "axes": "all joints are on the path, and none is left to an axis: make two stages of it",
     "law": "it is followed by inverse dynamics in joint space: leave the law out, or take "
     f"{_HAVING} for a path on constraints",
 }
