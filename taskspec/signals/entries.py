@@ -197,7 +197,7 @@ def _limited(at: Situation) -> ca.SX:
 
 @signal("position", ANGLE, of=Index.JOINT, beside=(REFERENCE,))
 def _joint_position(at: Situation, number: str) -> ca.SX:
-    """Position of joint N, counted from 1."""
+    """Position of joint N, counted from 1; `.ref` on a path of `joints`."""
     return at.q[int(number) - 1]
 
 
@@ -235,9 +235,6 @@ def _lost(at: Situation) -> None:
 
 
 @signal(
-    "gap", of={"shape": LENGTH}, meanings={"shape": "signed distance of the tool's shape from it"}
-)
-@signal(
     "gap",
     of={"equation": LENGTH, "joint equation": ANGLE},
     meanings={
@@ -246,6 +243,9 @@ def _lost(at: Situation) -> None:
         "joint equation": "the same in joint space",
     },
     beside=(REFERENCE,),
+)
+@signal(
+    "gap", of={"shape": LENGTH}, meanings={"shape": "signed distance of the tool's shape from it"}
 )
 def _object_gap(at: Situation, name: str) -> ca.SX | None:
     return at.objects[name].distance

@@ -21,20 +21,20 @@ class JointExpressions(FieldType):
     How many there are, and which joints slide, is known once the robot is.
 
     Attributes:
-        turning: what an entry measures of a joint that turns.
-        sliding: what it measures of one that slides.
+        dimension: what an entry measures of a joint that turns.
+        other: what it measures of one that slides.
         scope: what the expressions may use.
     """
 
-    turning: Dimension
-    sliding: Dimension
+    dimension: Dimension
+    other: Dimension
     scope: ScopeKind
 
     def read(self, value: object, context: ParseContext) -> tuple[Expression, ...]:
         """The checked expressions."""
         if not isinstance(value, Items):
-            message = f"a list with {noun(self.turning)} for each joint is needed here, this is "
-            unit = fitting(self.turning)[0]
+            message = f"a list with {noun(self.dimension)} for each joint is needed here, this is "
+            unit = fitting(self.dimension)[0]
             hint = f"such as [10 {unit}, 0]"
             context.error("TS022", message + kind_of(value), span_of(value), hint)
             return (NOTHING,)
@@ -51,12 +51,12 @@ class JointExpressions(FieldType):
             try:
                 kind, _ = infer(parse(entry, "sum"), context.scope(self.scope))
             except ExpressionError:
-                return self.turning
-            if kind.dimension == self.sliding:
-                return self.sliding
-        return self.turning
+                return self.dimension
+            if kind.dimension == self.other:
+                return self.other
+        return self.dimension
 
     def json(self) -> dict[str, Any]:
         """Describes the list."""
-        one = Formula(self.turning, self.scope).json()
+        one = Formula(self.dimension, self.scope).json()
         return {"type": "array", "minItems": 1, "items": one}

