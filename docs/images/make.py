@@ -35,7 +35,7 @@ from taskspec_runner.video.recording import Recording
 HERE = Path(__file__).resolve().parent
 TASKS = HERE.parent.parent / "tasks"
 OTHERS = (
-    *("ring", "linkage", "raster-polish", "fold-out-and-press"),
+    *("ring", "linkage", "linkage-in-joints", "raster-polish", "fold-out-and-press"),
     *("hand-guiding", "stiffness-identification", "face-alignment"),
     *("peg-in-hole", "groove-following", "contour-unknown", "unplug"),
     *("slot-insertion", "push-button", "edge-following", "snap-fit", "outline-following"),

@@ -195,9 +195,9 @@ def _limited(at: Situation) -> ca.SX:
     return at.limited
 
 
-@signal("position", ANGLE, of=Index.JOINT)
+@signal("position", ANGLE, of=Index.JOINT, beside=(REFERENCE,))
 def _joint_position(at: Situation, number: str) -> ca.SX:
-    """Position of joint N, counted from 1."""
+    """Position of joint N, counted from 1; `.ref` on a path of `joints`."""
     return at.q[int(number) - 1]
 
 
@@ -237,20 +237,22 @@ def _lost(at: Situation) -> None:
 @signal(
     "gap",
     of={
-        "shape": LENGTH,
         "equation": LENGTH,
         "joint equation": ANGLE,
         "exact equation": LENGTH,
         "exact joint equation": ANGLE,
     },
     meanings={
-        "shape": "signed distance of the tool's shape from it",
         "equation": "distance of the tip along the unit gradient, left minus right over its "
-        "gradient",
+        "gradient; `.ref` is that of the joints' references",
         "joint equation": "the same in joint space",
         "exact equation": "its drift, as of an `equation`",
         "exact joint equation": "its drift, as of a `joint equation`",
     },
+    beside=(REFERENCE,),
+)
+@signal(
+    "gap", of={"shape": LENGTH}, meanings={"shape": "signed distance of the tool's shape from it"}
 )
 def _object_gap(at: Situation, name: str) -> ca.SX | None:
     return at.objects[name].distance
@@ -326,3 +328,20 @@ def _object_force(at: Situation, name: str) -> ca.SX | None:
 )
 def _object_effort(at: Situation, name: str) -> ca.SX | None:
     return at.objects[name].effort
+
+
+@signal(
+    "residual",
+    of=dict.fromkeys(("equation", "joint equation"), MOMENT),
+    meanings={
+        "equation": "what its constraint cannot make of its `generalised` set point: "
+        "the length of u_φ,d − J_φᵀ λ_d",
+        "joint equation": "the same",
+    },
+    low=0.0,
+    output="reaction_residual",
+    unmeasured="it says how a set point fits its constraint, which nothing measured changes; judge "
+    "it in 'expect'",
+)
+def _object_residual(at: Situation, name: str) -> None:
+    """Joint torques that no force of the constraint makes."""

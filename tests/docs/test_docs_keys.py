@@ -16,6 +16,7 @@ from taskspec.spec.equation import EquationObject, JointEquation
 from taskspec.spec.fault import Fault
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import GainField
+from taskspec.spec.joint_expressions import JointExpressions
 from taskspec.spec.joint_targets import JointTargets
 from taskspec.spec.law import ForceGains
 from taskspec.spec.limits import Limits
@@ -126,7 +127,7 @@ def units_needed(model: type[Model], key: str) -> set[object]:
             found.add(kind.dimension or "condition")
         elif isinstance(kind, JointTargets):
             found.update({kind.one.dimension, kind.one.other})
-        elif isinstance(kind, EitherQuantity):
+        elif isinstance(kind, EitherQuantity | JointExpressions):
             found.update({kind.dimension, kind.other})
         elif isinstance(kind, QuantityList):
             found.update({kind.dimension, kind.other} - {None})

@@ -25,6 +25,7 @@ from taskspec.program.reference.constraints import equation_gains
 from taskspec.program.sensor import SensorModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.program.world.stiffness import GRIP
+from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.operational import SINGULAR
 from taskspec.spec import Law
 
@@ -97,6 +98,18 @@ class DesignRules:
             stiffness = [value_of(gains, "stiffness", a) + self._pressed(a) for a in axes]
             gains["joint_damping"] = law.design_joints(self._joint_plants(stiffness))
         return Design(gains, consistent)
+
+    def in_joints(self) -> Design:
+        """Gains of a path of joints: of the motion of each joint, and of the constraints."""
+        context, law = self._context, self._law
+        gains: Gains = {}
+        for i, plant in enumerate(self._joint_plants([0.0] * len(self._kinematics.axes))):
+            designed = law.design_joint(plant, turns=turns_at(context.robot, i))
+            for gain, value in designed.items():
+                gains.setdefault(gain, {})[f"joint.{i + 1}"] = value
+        for gain, by in equation_gains(context, law, self._active, context.equations).items():
+            gains.setdefault(gain, {}).update(by)
+        return Design(gains)
 
     @cached_property
     def plants(self) -> dict[Axis, AxisPlant]:
