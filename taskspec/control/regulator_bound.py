@@ -131,7 +131,7 @@ def regulator_bound(
         return np.inf if bound is None else _level(bound, time)
 
     tried = itertools.product(
-        np.linspace(*np.log(_RHO), _TRIED), np.linspace(*np.log(_SHARES), _TRIED)
+        np.log(np.geomspace(*_RHO, _TRIED)), np.log(np.geomspace(*_SHARES, _TRIED))
     )
     first = min((np.array(each) for each in tried), key=level)
     if not np.isfinite(level(first)):

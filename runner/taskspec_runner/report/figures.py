@@ -152,7 +152,7 @@ def _settling(run: Run) -> Chart | None:
         error[each.rows] = np.where(each.error > _ROUNDING, each.error, np.nan)
         said.append(each.text)
         if each.bound is not None:
-            bound[each.rows] = each.bound.at(run.period * np.arange(len(each.error)))
+            bound[each.rows] = each.bound.at(run.period * np.arange(len(each.error), dtype=float))
     columns = [column for column in (error, bound) if np.isfinite(column).any()]
     if not columns:
         return None
