@@ -67,13 +67,11 @@ def _surface_name(instead: Callable[[str, ParseContext], str]) -> NameReference:
 
 SurfaceName = Annotated[str, _surface_name(_other_than_a_surface)]
 ContactName = Annotated[str, _surface_name(_other_than_a_contact)]
-MechanismName = Annotated[
-    str,
-    NameReference(
-        lambda r: r.of_kind(*MECHANISMS),
-        "mechanism",
-        "TS123",
-        unfit="'{}' is no mechanism",
-    ),
-]
+MECHANISM_NAME = NameReference(
+    lambda r: r.of_kind(*MECHANISMS),
+    "mechanism",
+    "TS123",
+    unfit="'{}' is no mechanism",
+)
+MechanismName = Annotated[str, MECHANISM_NAME]
 ObjectName = Annotated[str, NameReference(lambda r: r.objects, "object", "TS123")]
