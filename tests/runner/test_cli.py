@@ -554,6 +554,7 @@ def test_explain_says_where_a_gain_came_from(tap: Path) -> None:
         ("press-pd-joint", "joint_damping joint.1"),
         ("ring", "force.damping rim 265.7 N*s/m"),
         ("linkage", "force.integral bars"),
+        ("exact-ring", "force.damping rim level 0 N*s/m designed: 0 along an exact equation"),
     ],
 )
 def test_explain_gains_of_joints_and_equations(task: str, row: str) -> None:
@@ -597,6 +598,10 @@ def test_explain_the_null_space(tmp_path: Path, law: str, says: str, default: bo
                 "stages.round.constraints.rim.ramp 0.2 s",
                 "control.plant_rate 1 kHz",
             ],
+        ),
+        (
+            "exact-ring",
+            ["rim x^2 + y^2 = (90 mm)^2 in rail, holds both ways, exactly, by a multiplier"],
         ),
         (
             "linkage",
