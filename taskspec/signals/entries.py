@@ -236,11 +236,18 @@ def _lost(at: Situation) -> None:
 
 @signal(
     "gap",
-    of={"equation": LENGTH, "joint equation": ANGLE},
+    of={
+        "equation": LENGTH,
+        "joint equation": ANGLE,
+        "exact equation": LENGTH,
+        "exact joint equation": ANGLE,
+    },
     meanings={
         "equation": "distance of the tip along the unit gradient, left minus right over its "
         "gradient; `.ref` is that of the joints' references",
         "joint equation": "the same in joint space",
+        "exact equation": "its drift, as of an `equation`",
+        "exact joint equation": "its drift, as of a `joint equation`",
     },
     beside=(REFERENCE,),
 )
@@ -279,15 +286,32 @@ def _object_force(at: Situation, name: str) -> ca.SX | None:
 
 @signal(
     "force",
-    of={"equation": FORCE},
-    meanings={"equation": "what the robot applies along the unit gradient"},
+    of={"equation": FORCE, "exact equation": FORCE},
+    meanings={
+        "equation": "what the robot applies along the unit gradient",
+        "exact equation": "as of an `equation`",
+    },
     beside=(REFERENCE, MEASURED),
 )
 @signal(
     "torque",
-    of={"joint equation": MOMENT},
-    meanings={"joint equation": "the same in joint space"},
+    of={"joint equation": MOMENT, "exact joint equation": MOMENT},
+    meanings={
+        "joint equation": "the same in joint space",
+        "exact joint equation": "as of a `joint equation`",
+    },
     beside=(REFERENCE, MEASURED),
+)
+@signal(
+    "lambda",
+    of={"exact equation": FORCE, "exact joint equation": MOMENT},
+    meanings={
+        "exact equation": "the multiplier of (4.77) along the unit gradient, with the sign of "
+        "`force`, of which it is the true value",
+        "exact joint equation": "the same in joint space, with the sign of `torque`",
+    },
+    unmeasured="the robot does not know a multiplier; what it measures of it is the force or "
+    "torque of the equation",
 )
 @signal(
     "force",
@@ -308,11 +332,15 @@ def _object_effort(at: Situation, name: str) -> ca.SX | None:
 
 @signal(
     "residual",
-    of=dict.fromkeys(("equation", "joint equation"), MOMENT),
+    of=dict.fromkeys(
+        ("equation", "joint equation", "exact equation", "exact joint equation"), MOMENT
+    ),
     meanings={
         "equation": "what its constraint cannot make of its `generalised` set point: "
         "the length of u_φ,d − J_φᵀ λ_d",
         "joint equation": "the same",
+        "exact equation": "as of an `equation`",
+        "exact joint equation": "as of a `joint equation`",
     },
     low=0.0,
     output="reaction_residual",

@@ -10,6 +10,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression, ScopeKind
 from taskspec.spec.axis import Ramp
 from taskspec.spec.field_type import FieldType
+from taskspec.spec.fields import EQUATIONS
 from taskspec.spec.joint_expressions import JointExpressions
 from taskspec.spec.linear_ramp import RampedFormula
 from taskspec.spec.model import Model, complete, field_types
@@ -78,7 +79,7 @@ class SetPoints(FieldType):
             context.error("TS022", message, span_of(value), "such as {rim: {force: 20 N}}")
             return {}
         found = {}
-        known = context.of_kind("equation", "joint equation")
+        known = context.of_kind(*EQUATIONS)
         for name, entry in value.items():
             if name not in known:
                 span = value.node.key_span(name)
@@ -95,7 +96,7 @@ class SetPoints(FieldType):
         """Requires the one quantity that fits the equation."""
         if not isinstance(entry, Map):
             return
-        on_joints = context.objects[name] == "joint equation"
+        on_joints = context.objects[name].endswith("joint equation")
         right, wrong = ("torque", "force") if on_joints else ("force", "torque")
         if wrong in entry:
             where = "joints" if on_joints else "the tool tip"

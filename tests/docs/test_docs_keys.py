@@ -14,6 +14,7 @@ from taskspec.spec.axis import Rotation, Translation
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject, JointEquation
 from taskspec.spec.fault import Fault
+from taskspec.spec.followed import Followed
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import GainField
 from taskspec.spec.joint_expressions import JointExpressions
@@ -101,6 +102,7 @@ def kinds(annotation: object) -> Iterator[object]:
             | ForJoints
             | GainField
             | Formula
+            | Followed
             | IntervalAroundZero,
         ):
             yield part
@@ -125,6 +127,8 @@ def units_needed(model: type[Model], key: str) -> set[object]:
     for kind in [*field.metadata, *kinds(field.annotation)]:
         if isinstance(kind, Formula):
             found.add(kind.dimension or "condition")
+        elif isinstance(kind, Followed):
+            found.add(kind.expression.dimension)
         elif isinstance(kind, JointTargets):
             found.update({kind.one.dimension, kind.one.other})
         elif isinstance(kind, EitherQuantity | JointExpressions):

@@ -1,4 +1,4 @@
-"""Joint references and joint torques against the constraints that they are to fit (4.101)."""
+"""Joint references and torques against the constraints that they are to fit, (4.101)-(4.103)."""
 
 from __future__ import annotations
 

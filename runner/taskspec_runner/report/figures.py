@@ -28,6 +28,7 @@ from taskspec_runner.record.history import Vector
 from taskspec_runner.report.expected import JUDGED, with_bounds
 from taskspec_runner.report.rest_levels import rest_levels
 from taskspec_runner.report.selection import selected
+from taskspec_runner.report.settling import settlings
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.metrics import set_points
 
@@ -35,6 +36,8 @@ LINEAR, ANGULAR = TRANSLATIONS, ROTATIONS
 #: Colour roles of the axes; a rotation has the colour of its axis.
 _ROLES: dict[str, str] = {axis: axis.letter for axis in AXES}
 _GAP = ".gap"
+#: Deviations below are rounding [m].
+_ROUNDING = 1e-9
 
 
 def sections(run: Run) -> tuple[Section, ...]:
@@ -46,6 +49,7 @@ def sections(run: Run) -> tuple[Section, ...]:
         contact.add(_controlled(run, name, f"j{number % 7}"))
     contact.add(_mechanisms(run, "torque", "Moment on the mechanism, about its axis"))
     contact.add(_mechanisms(run, "force", "Force on the mechanism, along its axis"))
+    contact.add(_settling(run))
     contact.add(_inconsistent(run))
     contact.add(_wrench(run, "force", LINEAR, "All forces"))
     contact.add(_wrench(run, "torque", ANGULAR, "Moments"))
@@ -141,6 +145,26 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
     bounds = bands(run, unbounded, factor)
     limits = (*levels(run, kind, factor, (1, -1)), *rest_levels(run, unbounded, factor))
     return Chart(kind, title, unit, tuple(traces), note, bounds, limits, factor=factor)
+
+
+def _settling(run: Run) -> Chart | None:
+    """The deviation of presses under the PID regulator, below the bound of Theorem 4.1."""
+    error, bound = np.full((2, len(run)), np.nan)
+    said = []
+    for each in settlings(run):
+        error[each.rows] = np.where(each.error > _ROUNDING, each.error, np.nan)
+        said.append(each.text)
+        if each.bound is not None:
+            bound[each.rows] = each.bound.at(run.period * np.arange(len(each.error), dtype=float))
+    columns = [column for column in (error, bound) if np.isfinite(column).any()]
+    if not columns:
+        return None
+    factor, unit = scale("m", size(columns))
+    traces = [Trace("||e||", factor * error, "ink")]
+    if len(columns) == 2:
+        traces.append(Trace("bound", factor * bound, "muted", "reference"))
+    title = "Deviation from the equilibrium, and the bound of Theorem 4.1"
+    return Chart("settling", title, unit, tuple(traces), "; ".join(said), log=True)
 
 
 def _inconsistent(run: Run) -> Chart | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -162,8 +163,12 @@ class DesignRules:
         return (1 - pole) * float(np.max(np.linalg.eigvals(held @ free).real))
 
     def _pressed(self, axis: Axis) -> float:
-        """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not."""
-        return self.plants[axis].k if self._plans[axis].set_point else 0.0
+        """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not.
+
+        Along an exact equation nothing moves that joints could damp.
+        """
+        k = self.plants[axis].k if self._plans[axis].set_point else 0.0
+        return k if math.isfinite(k) else 0.0
 
     def _joint_plants(self, stiffness: list[float]) -> list[AxisPlant]:
         """Inertia and stiffness about each joint at the start pose.

@@ -6,6 +6,7 @@ import copy
 import math
 from collections.abc import Callable
 from functools import cached_property
+from graphlib import TopologicalSorter
 from typing import Any, Self
 
 import numpy as np
@@ -272,6 +273,18 @@ class StagePlan:
             UncoupledError: the mechanism's geometry asks for no motion of an axis.
         """
         return {a: c for a in self.plans if (c := self.coupling_of(a)) is not None}
+
+    @cached_property
+    def leaders_first(self) -> tuple[Axis, ...]:
+        """Its axes, each after those that it follows; those that follow nothing in their order.
+
+        Raises:
+            CycleError: axes follow each other.
+        """
+        leaders = {a: set(plan.mode.leaders) & self.plans.keys() for a, plan in self.plans.items()}
+        for axis, coupling in self.couplings.items():
+            leaders[axis] |= {coupling.leader} if coupling.leader is not None else set()
+        return tuple(TopologicalSorter(leaders).static_order())
 
     def coupling_of(self, axis: Axis) -> Coupling | None:
         """How an axis follows its mechanism; None where it follows none.

@@ -330,10 +330,13 @@ class Entering:
 
     def _blend(self, going: _Continuation) -> None:
         """Chooses each axis's blending so that its reference continues the one handed over."""
-        own, own_rate = self.own(*self.given, self._vector("memory"), self._vector("parameters"))
+        own, own_rate = self._own()
         wait = ca.SX(0)
-        for name, axis in self.plan.plans.items():
-            i = AXES.index(name)
+        for name in self.plan.leaders_first:
+            axis, i = self.plan.plans[name], AXES.index(name)
+            if axis.mode.leaders:
+                # What it starts from follows from what has been chosen for its leaders.
+                own, own_rate = self._own()
             handed = axis.mode.hand_over(
                 StageStart(
                     axis=name,
@@ -353,6 +356,11 @@ class Entering:
             self._write(f"slope.{name}", handed.slope)
             self._write(f"blend.{name}", handed.time)
         self._write("wait", wait)
+
+    def _own(self) -> tuple[ca.SX, ca.SX]:
+        """(6,), (6,) own(0) and own'(0) of every axis, by what has been chosen so far."""
+        found = self.own(*self.given, self._vector("memory"), self._vector("parameters"))
+        return found[0], found[1]
 
     def _start_memory(self, going: _Continuation) -> None:
         """The point that references move along, and integrals that hold the measured force."""

@@ -178,6 +178,7 @@ class StartEquation:
     Attributes:
         distance: r / |r_x| [m, rad].
         normal: (n,) unit normal on the joints' rates.
+        rate: at which it moves away by itself, -r_t / |r_x| [m/s, rad/s].
         scale: |r_x|.
         gradient: (3,) unit gradient at the tip, world axes; None of an equation on joints.
         bend: (3, 3) its change with the tip's place [1/m].
@@ -185,6 +186,7 @@ class StartEquation:
 
     distance: float
     normal: NDArray[np.float64]
+    rate: float
     scale: float
     gradient: NDArray[np.float64] | None
     bend: NDArray[np.float64] | None = None
@@ -218,13 +220,17 @@ def at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> Start
     found = ca.Function(
         "at_start",
         [place],
-        [terms.distance, terms.normal, terms.scale, ca.jacobian(terms.normal, place)],
+        [
+            *(terms.distance, terms.normal, -terms.by_time, terms.scale),
+            ca.jacobian(terms.normal, place),
+        ],
     )
-    distance, unit, scale, bend = found(at)
+    distance, unit, rate, scale, bend = found(at)
     normal = np.array(unit).ravel()
     return StartEquation(
         distance=float(distance),
         normal=normal if model.joints else normal @ J[:3],
+        rate=float(rate),
         scale=float(scale),
         gradient=None if model.joints else normal,
         bend=None if model.joints else np.array(bend),

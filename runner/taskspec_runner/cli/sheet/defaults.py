@@ -116,7 +116,7 @@ def _compliant(declared: Shape | EquationObject, contact: Compliance) -> Iterato
         yield "frame", "world"
     if "stiffness" not in given:
         yield "stiffness", scaled(contact.stiffness, STIFFNESS.on(rotation=joints))
-    if "damping" not in given:
+    if "damping" not in given and not contact.exact:
         yield "damping", show(contact.damping, DAMPING.on(rotation=joints))
     if isinstance(declared, Shape) and "friction" not in given:
         yield "friction", "0"
