@@ -772,6 +772,17 @@ def rail(d: LanguageDraft) -> None:
         }
         if d.law in MULTIPLIERS and d.chance(0.6):
             d.stages["go"]["constraints"] = {"bars": {"torque": f"{d.pick(0.5, 1, 2)} N*m"}}
+        if d.chance(0.5):
+            swing, load = f"{d.grid(5, 15, 5):g} deg*sin(2*pi*t/(2 s))", f"{d.pick(0.5, 1)} N*m"
+            d.stages["swing"] = {
+                "path": {
+                    "joints": [f"30 deg + {swing}", f"40 deg - {swing}", "-70 deg"],
+                    "time": "2 s",
+                }
+            }
+            if d.law in MULTIPLIERS:
+                d.stages["swing"]["constraints"] = {"bars": {"generalised": [load] * 3}}
+                expect(d, "max(swing.bars.residual) < 1 mN*m")
         expect(d, "max(abs(bars.gap)) < 1 deg")
         return
     arm(d, "ball", "", models=("panda", "ur5e"))

@@ -1127,6 +1127,16 @@ class Draft(Draws):
             way = f"{round(self.between(20, 60) * float(self.rng.choice((-1, 1))))} mm"
             axes: dict[str, Value] = {axis: {"move": way, "speed": "80 mm/s"}, other: "hold"}
             self.stages[name] = {"constraints": bars, "axes": axes}
+        if self.rng.random() < 0.4:
+            sway = f"{round(self.between(4, 12))} deg*sin(2*pi*t/(2 s))"
+            joints = [f'"40 deg + {sway}"', f'"20 deg - {sway}"', deg(turn - 60)]
+            shares = f"[{', '.join([f'{self.between(-1, 1):.2g} N*m'] * 3)}]"
+            self.stages["sway"] = {
+                "constraints": {"bars": {"generalised": shares}},
+                "path": {"joints": f"[{', '.join(joints)}]", "time": "2 s"},
+                "limits": {"speed": "800 mm/s"},
+            }
+            self.expect.append("max(sway.bars.residual) < 1 mN*m")
         self.limits["speed"] = "300 mm/s"
         self.press_force = 20.0
         self.expect.append(f"right.bars.torque within {load} +- 0.5 N*m for 80 %")

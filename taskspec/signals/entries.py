@@ -332,11 +332,15 @@ def _object_effort(at: Situation, name: str) -> ca.SX | None:
 
 @signal(
     "residual",
-    of=dict.fromkeys(("equation", "joint equation"), MOMENT),
+    of=dict.fromkeys(
+        ("equation", "joint equation", "exact equation", "exact joint equation"), MOMENT
+    ),
     meanings={
         "equation": "what its constraint cannot make of its `generalised` set point: "
         "the length of u_φ,d − J_φᵀ λ_d",
         "joint equation": "the same",
+        "exact equation": "as of an `equation`",
+        "exact joint equation": "as of a `joint equation`",
     },
     low=0.0,
     output="reaction_residual",

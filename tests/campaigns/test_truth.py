@@ -51,7 +51,15 @@ def test_the_files_have_all_that_they_are_to_cover() -> None:
     words += ["track: force", "track: velocity", "on: button", "thickness:", "templates:", "use:"]
     words += ["hold: force", "repeat: 2", "then: leave", "visits < 2", "Feed against"]
     words += ["mm/s * clamp(1 - norm(", "mm/s * clamp(1 - abs(", "mm/s * smooth(t/("]
-    words += ["include: [habits.yaml]", "use: pause", "joints:", "raster:", "spiral:", "waypoints:"]
+    words += [
+        "include: [habits.yaml]",
+        "use: pause",
+        "joints:",
+        "generalised:",
+        "raster:",
+        "spiral:",
+        "waypoints:",
+    ]
     words += [f"mechanism: {kind}" for kind in ("hinge", "slide", "screw")]
     words += ["knob: free", "solve: qp", "noise:", "filter:", "delay:", "bias:", "rate: 250 Hz"]
     words += ["move:", "path:", "follows:", "fail_if:", "attempts:", "until:", "limits:", "expect:"]
