@@ -67,7 +67,7 @@ class ArmBounds:
 
 
 @dataclass(frozen=True, slots=True)
-class Deviation:
+class RegulatorState:
     """The state z of (4.59) at the start.
 
     Attributes:
@@ -106,7 +106,7 @@ def regulator_bound(
     axes: Sequence[RegulatedAxis],
     contact: PressedContact,
     arm: ArmBounds,
-    start: Deviation,
+    start: RegulatorState,
     time: float,
 ) -> RegulatorBound | None:
     """The bound that is lowest after a time; None where no rho and epsilon give one.
@@ -150,7 +150,7 @@ def _with(
     axes: Sequence[RegulatedAxis],
     contact: PressedContact,
     arm: ArmBounds,
-    start: Deviation,
+    start: RegulatorState,
     free: tuple[float, float],
 ) -> RegulatorBound | None:
     """The bound with a rho and an epsilon; None where one of the matrices is not positive."""

@@ -8,9 +8,9 @@ from scipy.linalg import expm
 
 from taskspec.control.regulator_bound import (
     ArmBounds,
-    Deviation,
     PressedContact,
     RegulatedAxis,
+    RegulatorState,
     regulator_bound,
 )
 from taskspec.spec import load_text
@@ -88,7 +88,7 @@ def test_the_bound_holds_for_the_linear_closed_loop():
             [RegulatedAxis(*each) for each in zip(k, d, strict=True)],
             PressedContact(k_e, k_F, k_I),
             ArmBounds(masses.min(), masses.max(), 0.0),
-            Deviation(e, v, w),
+            RegulatorState(e, v, w),
             3.0,
         )
         if bound is None:
@@ -113,7 +113,7 @@ def test_the_bound_holds_for_the_linear_closed_loop():
 
 def test_gains_outside_the_theorem_have_no_bound():
     """(4.70), (4.71): k_I / (1 + k_F) = 4 / 1.5 of the least rho, times 30 kg, is more than d_m."""
-    start = Deviation(np.array([1e-3]), np.zeros(1), 0.0)
+    start = RegulatorState(np.array([1e-3]), np.zeros(1), 0.0)
     contact, arm = PressedContact(5e3, 0.5, 4.0), ArmBounds(1.0, 30.0, 0.0)
     assert regulator_bound([RegulatedAxis(500, 79)], contact, arm, start, 3.0) is None
     assert regulator_bound([RegulatedAxis(500, 120)], contact, arm, start, 3.0) is not None

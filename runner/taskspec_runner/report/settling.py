@@ -8,10 +8,10 @@ import numpy as np
 
 from taskspec.control.regulator_bound import (
     ArmBounds,
-    Deviation,
     PressedContact,
     RegulatedAxis,
     RegulatorBound,
+    RegulatorState,
     regulator_bound,
 )
 from taskspec.deferred_methods import dataclass
@@ -168,7 +168,7 @@ class _State:
         stiff = first.stiffness + (1 + self.contact.proportional) * k_e
         held = (stiff * e[-1] + first.damping * rate[-1]) / (self.contact.integral * k_e)
         integral = -held - float(np.sum(e[1:] + e[:-1])) * T / 2
-        start = Deviation(self.error[:, 0], self.rate[:, 0], integral)
+        start = RegulatorState(self.error[:, 0], self.rate[:, 0], integral)
         time = (rows.stop - rows.start) * T
         return regulator_bound(self.gains, self.contact, self._arm(), start, time)
 
