@@ -68,8 +68,8 @@ class Subject:
         return SUBJECTS[number % len(SUBJECTS)]
 
 
-#: After which a command hangs [s]: by the clock, and of the processor, whoever else works on it.
-PATIENCE, PROCESSOR = 60, 10.0
+#: After which a command hangs [s]: by the clock, which busy computers take long by; of the processor.
+PATIENCE, PROCESSOR = 300, 10.0
 #: What a reader may answer: all is well, the run is damaged or missed, it cannot be read, it was
 #: stopped, nobody knows, it failed where what is left of its log ends.
 ANSWERS = (0, 1, 2, 4, 5, 6)

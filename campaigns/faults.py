@@ -62,7 +62,7 @@ from taskspec_runner.session import execute_program
 LONG = TAP.replace("time: 0.3 s", "time: 36000 s")
 SHORT = TAP.replace("time: 0.3 s", "time: 1.2 s")
 #: Corruptions that one process takes at a time; seconds after which it hangs in C.
-CHUNK, LOST = 100, 300
+CHUNK, LOST = 20, 600
 #: What varies in a sweep; and what a column map may say of a log.
 VARY = "vary: {world.wall.stiffness: 5..20 kN/m}\n"
 MAP = "signals: {force.x: {column: force.x, unit: N, sign: 1}}\ngap: 20 ms\n"
@@ -308,12 +308,12 @@ def ran(*arguments: object) -> None:
 
 
 def spoiled(folders: Path, first: int, count: int, until: float = float("inf")) -> list[Answer]:
-    """Answers to some corruptions; none where it is later than `until` [s since the epoch]."""
-    if time.time() > until:
-        return []
+    """Answers to some corruptions; none is begun after `until` [s since the epoch]."""
     with tempfile.TemporaryDirectory(prefix="taskspec-faults-") as work:
         found = []
         for number in range(first, first + count):
+            if time.time() > until:
+                break
             faulthandler.dump_traceback_later(LOST, exit=True)
             found.append(answer(folders, Path(work), number))
             faulthandler.cancel_dump_traceback_later()
@@ -328,7 +328,7 @@ def corruptions(
     Args:
         number: of corruptions, in the order of their numbers; fewer where time is over.
         work: where the folders are made. first: number of the first. processes: that do it.
-        until: when no other chunk of them is begun [s since the epoch].
+        until: after which none is begun [s since the epoch].
     """
     folders, tallies = made(work), dict[str, Tally]()
     codes, slowest, began = Counter[int](), 0.0, time.monotonic()
