@@ -68,7 +68,7 @@ class Subject:
         return SUBJECTS[number % len(SUBJECTS)]
 
 
-#: After which a command hangs [s]: by the clock, which busy computers take long by; of the processor.
+#: After which a command hangs [s]: by the clock, long for a busy computer, and of the processor.
 PATIENCE, PROCESSOR = 300, 10.0
 #: What a reader may answer: all is well, the run is damaged or missed, it cannot be read, it was
 #: stopped, nobody knows, it failed where what is left of its log ends.
