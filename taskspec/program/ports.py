@@ -61,9 +61,21 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
-def fields(equations: int) -> Fields:
-    """The outputs of a task's stages; last are set point and measurement of each equation."""
-    return (*INTERNAL, *signals(), ("reaction_ref", equations), ("reaction", equations))
+def fields(equations: int, followed: int = 0) -> Fields:
+    """The outputs of a task's stages; last are those of each equation and each joint.
+
+    Args:
+        equations: how many there are. Each has a set point, a measurement, the distance of the
+            joints' references from it, and what its constraint cannot make of joint torques.
+        followed: joints that follow references in a stage; 0 where none has a path of joints.
+    """
+    on_equations = ("reaction_ref", "reaction", "gap_ref", "reaction_residual")
+    return (
+        *INTERNAL,
+        *signals(),
+        *((name, equations) for name in on_equations),
+        ("joint_ref", followed),
+    )
 
 
 #: Inputs of a stage when it is entered, in this order: name and length.

@@ -78,7 +78,9 @@ class Program:
     @property
     def output_size(self) -> int:
         """Length of a machine's `outputs`."""
-        return sum(length for _, length in fields(len(self.context.equations)))
+        return sum(
+            length for _, length in fields(len(self.context.equations), self.context.followed)
+        )
 
     def past(self, stage: str, limit: str) -> Program:
         """The same program, one stage of which goes on beyond the limits of a name."""

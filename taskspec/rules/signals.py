@@ -90,6 +90,9 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
         return f"stage {stage.name!r} has no path"
     if path[0] == "joint" and int(path[1]) > robot.n:
         return f"{robot.name!r} has {robot.n} joints"
+    if path[0] in stage.context.equations and path[1] == "residual":
+        given = path[0] in stage.spec.generalised
+        return None if given else f"stage {stage.name!r} gives {path[0]!r} no joint torques"
     if path[0] not in VECTORS or len(path) != 2 or inside_norm:
         return None
     axis = as_axis(path[1])
@@ -107,6 +110,9 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
 
 def _no_reference(stage: StagePlan, path: tuple[str, ...]) -> str | None:
     """Why a signal that a stage has is referred to nothing there, None if it is."""
+    if path[0] == "joint" or path[1] == "gap":
+        given = stage.joint_path is not None
+        return None if given else f"no path of joints is followed in stage {stage.name!r}"
     if path[0] in stage.context.equations:
         given = path[0] in stage.spec.constraints
         return None if given else f"stage {stage.name!r} has no set point of {path[0]!r}"

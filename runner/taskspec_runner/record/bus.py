@@ -36,7 +36,7 @@ class Bus:
 
     def __init__(self, joints: int, task: Task, *, linked: bool = False) -> None:
         truth, self.linked = view_fields(task), linked
-        outputs = fields_of(len(task.equations))
+        outputs = fields_of(len(task.equations), joints if task.in_joints else 0)
         fields = [
             ("clock", 1),
             ("t", 1),

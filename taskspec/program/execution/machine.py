@@ -398,5 +398,5 @@ class Machine:
 
     def named_outputs(self) -> dict[str, Vector]:
         """The last outputs by name."""
-        named = slices(fields(len(self.stage.equations)))
+        named = slices(fields(len(self.stage.equations), self.stage.plan.context.followed))
         return {name: self.outputs[where] for name, where in named.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -24,6 +25,7 @@ from taskspec.program.reference.constraints import equation_gains
 from taskspec.program.sensor import SensorModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.program.world.stiffness import GRIP
+from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.operational import SINGULAR
 from taskspec.spec import Law
 
@@ -97,6 +99,18 @@ class DesignRules:
             gains["joint_damping"] = law.design_joints(self._joint_plants(stiffness))
         return Design(gains, consistent)
 
+    def in_joints(self) -> Design:
+        """Gains of a path of joints: of the motion of each joint, and of the constraints."""
+        context, law = self._context, self._law
+        gains: Gains = {}
+        for i, plant in enumerate(self._joint_plants([0.0] * len(self._kinematics.axes))):
+            designed = law.design_joint(plant, turns=turns_at(context.robot, i))
+            for gain, value in designed.items():
+                gains.setdefault(gain, {})[f"joint.{i + 1}"] = value
+        for gain, by in equation_gains(context, law, self._active, context.equations).items():
+            gains.setdefault(gain, {}).update(by)
+        return Design(gains)
+
     @cached_property
     def plants(self) -> dict[Axis, AxisPlant]:
         """Mass and stiffness of each axis at the start pose."""
@@ -149,8 +163,12 @@ class DesignRules:
         return (1 - pole) * float(np.max(np.linalg.eigvals(held @ free).real))
 
     def _pressed(self, axis: Axis) -> float:
-        """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not."""
-        return self.plants[axis].k if self._plans[axis].set_point else 0.0
+        """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not.
+
+        Along an exact equation nothing moves that joints could damp.
+        """
+        k = self.plants[axis].k if self._plans[axis].set_point else 0.0
+        return k if math.isfinite(k) else 0.0
 
     def _joint_plants(self, stiffness: list[float]) -> list[AxisPlant]:
         """Inertia and stiffness about each joint at the start pose.
