@@ -21,7 +21,7 @@ def pins(requirements: Iterable[str]) -> Iterator[str]:
 
 
 def all_pins(extras: Iterable[str] = ("mcap", "dask", "dev")) -> list[str]:
-    """Pins of all that the project needs, of some of its extras, and of what its tests read with."""
+    """Pins of all that the project needs, of its extras, and of what its tests read with."""
     project = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
     optional = project["optional-dependencies"]
     wanted = [*project["dependencies"], *(r for extra in extras for r in optional[extra])]
