@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import field
 from functools import lru_cache
 
 import casadi as ca
@@ -45,12 +46,14 @@ class Mode:
         s: ln(z)/T [1/s].
         shape: (n,) amplitudes of the joints.
         doubt: how far rounding may have moved s [1/s].
+        reactions: (e,) amplitudes of what the robot applies along each equation, to the same scale.
     """
 
     z: complex
     s: complex
     shape: NDArray[np.complex128]
     doubt: float = 0.0
+    reactions: NDArray[np.complex128] = field(default_factory=lambda: np.zeros(0, complex))
 
     @property
     def damping_ratio(self) -> float:
@@ -141,6 +144,9 @@ def modes(
     span = sensor.hold_ticks * period
     balanced, scale = _balance(F)
     values, right = np.linalg.eig(balanced)
+    own = 2 * plant.size + plant.equations + len(controller.slots)
+    at_reactions = 2 * plant.size + (len(F) - own) // (1 + sensor.order)
+    reactions = slice(at_reactions, at_reactions + plant.equations)
     uncertain = np.finfo(float).eps * np.linalg.norm(balanced) * _sensitivity(right)
     found = []
     for z, doubt, shape in zip(values, uncertain, (scale[:, None] * right).T, strict=True):
@@ -149,7 +155,8 @@ def modes(
             continue
         s = np.log(complex(z)) / span
         off = moved / (abs(z) * span)
-        found.append(Mode(complex(np.exp(s * period)), s, shape[: plant.n], float(off)))
+        z = complex(np.exp(s * period))
+        found.append(Mode(z, s, shape[: plant.n], float(off), shape[reactions]))
     return tuple(sorted(found, key=lambda mode: -mode.s.real))
 
 

@@ -194,8 +194,17 @@ class SampledStage:
             alike.append(mode.shape.conj())
         shapes = _orthonormal(np.array([mode.shape, *alike]).T, H)
         motion = J[rows] @ shapes
-        for name in self.stage.plan.active:
+        for i, name in enumerate(context.equations):
+            if name not in self.stage.plan.active:
+                continue
             normal = context.start_equations[name].normal
+            if context.compliances[name].exact:
+                # Nothing moves along it: its force alone changes, by more than motion would take.
+                moved = float(np.real(np.vdot(mode.shape, H @ mode.shape)))
+                inertial = abs(mode.s) ** 2 * np.sqrt(moved / (normal @ np.linalg.solve(H, normal)))
+                if abs(mode.reactions[i]) > inertial:
+                    return name
+                continue
             share = float(np.sum(np.abs(normal @ shapes) ** 2))
             if share > (normal @ np.linalg.solve(H, normal)) / 2:
                 return name
