@@ -92,7 +92,8 @@ lowest: $(READY)  ## a fresh environment with the lowest versions that are allow
 	$(LOWEST)/bin/taskspec run tasks/wipe-table.yaml --out $(LOWEST)/run
 	$(LOWEST)/bin/taskspec export $(LOWEST)/run --csv --parquet --mcap
 	$(LOWEST)/bin/pytest -n 2 tests/spec tests/text tests/control tests/laws tests/native tests/plant tests/runner/test_cli.py \
-		tests/sweep/test_sweep.py
+		tests/sweep/test_sweep.py tests/robot/test_robot_xacro.py tests/robot/test_robot_urdf.py tests/robot/test_robot_collada.py \
+		tests/runner/test_mcap_readers.py tests/runner/test_recorded_messages.py tests/runner/test_export.py
 
 tsid:  ## an environment with TSID, for the referee
 	$(PYTHON) -m venv .tsid

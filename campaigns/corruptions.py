@@ -13,6 +13,7 @@ import re
 import shutil
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -67,8 +68,8 @@ class Subject:
         return SUBJECTS[number % len(SUBJECTS)]
 
 
-#: Seconds after which a command hangs.
-PATIENCE = 60
+#: After which a command hangs [s]: by the clock, long for a busy computer, and of the processor.
+PATIENCE, PROCESSOR = 300, 10.0
 #: What a reader may answer: all is well, the run is damaged or missed, it cannot be read, it was
 #: stopped, nobody knows, it failed where what is left of its log ends.
 ANSWERS = (0, 1, 2, 4, 5, 6)
@@ -105,6 +106,7 @@ class Answer:
         code: its exit code, -1 if it did not end.
         output: both streams.
         true: whether, where nothing is told, ticks and verdict are still those of the run.
+        took: processor time of the command [s].
     """
 
     spoiled: Spoiled
@@ -112,17 +114,14 @@ class Answer:
     code: int
     output: str
     true: bool = True
-
-    @property
-    def noticed(self) -> bool:
-        """Whether it was told that something is wrong, if something is."""
-        return self.spoiled.same or self.code != 0
+    took: float = 0.0
 
     @property
     def survived(self) -> bool:
-        """Whether the answer is one that a reader may give, with a message."""
+        """Whether the answer is one that a reader may give, with a message, in time."""
         told = bool(self.output.strip()) and "Traceback" not in self.output
-        return self.code in ANSWERS and told and "internal error" not in self.output and self.true
+        well = told and "internal error" not in self.output and self.took <= PROCESSOR
+        return self.code in ANSWERS and well and self.true
 
 
 def _flip(content: bytes, dice: random.Random) -> bytes:
@@ -343,17 +342,19 @@ def answer(folders: Path, work: Path, number: int) -> Answer:
     spoiled = spoil(run, number, subject.names)
     template = random.Random(f"command {number}").choice(subject.commands)
     command = tuple(part.format(run=run, good=good) for part in template)
+    began = time.process_time()
     try:
         with _watched(PATIENCE), _drawing(on=command[0] == "replay"):
             result = CliRunner().invoke(READERS, list(command))
+            took = time.process_time() - began
             # Who seals all anew is found out by `judge` as far as the log goes, and else by nobody.
-            told = result.exit_code != 0 or spoiled.kind == SEALED
-            true = told or subject.same(run, source)
+            open_ = spoiled.kind == SEALED and command[0] != "judge"
+            true = result.exit_code != 0 or open_ or subject.same(run, source)
     except HangError:
         return Answer(spoiled, command, -1, "hangs")
     finally:
         _remove(run)
-    return Answer(spoiled, command, result.exit_code, result.output, true)
+    return Answer(spoiled, command, result.exit_code, result.output, true, took)
 
 
 READERS = typer.Typer()

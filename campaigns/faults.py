@@ -62,7 +62,7 @@ from taskspec_runner.session import execute_program
 LONG = TAP.replace("time: 0.3 s", "time: 36000 s")
 SHORT = TAP.replace("time: 0.3 s", "time: 1.2 s")
 #: Corruptions that one process takes at a time; seconds after which it hangs in C.
-CHUNK, LOST = 100, 300
+CHUNK, LOST = 20, 600
 #: What varies in a sweep; and what a column map may say of a log.
 VARY = "vary: {world.wall.stiffness: 5..20 kN/m}\n"
 MAP = "signals: {force.x: {column: force.x, unit: N, sign: 1}}\ngap: 20 ms\n"
@@ -307,29 +307,40 @@ def ran(*arguments: object) -> None:
     assert result.exit_code in (0, 1, 6), result.output
 
 
-def spoiled(folders: Path, first: int, count: int) -> list[Answer]:
-    """Answers to some corruptions."""
+def spoiled(folders: Path, first: int, count: int, until: float = float("inf")) -> list[Answer]:
+    """Answers to some corruptions; none is begun after `until` [s since the epoch]."""
     with tempfile.TemporaryDirectory(prefix="taskspec-faults-") as work:
         found = []
         for number in range(first, first + count):
+            if time.time() > until:
+                break
             faulthandler.dump_traceback_later(LOST, exit=True)
             found.append(answer(folders, Path(work), number))
             faulthandler.cancel_dump_traceback_later()
         return found
 
 
-def corruptions(number: int, work: Path, first: int, processes: int) -> list[Tally]:
-    """Folders with one file spoiled: exit 0, 1 or 2 with a message, and nothing that is not so."""
+def corruptions(
+    number: int, work: Path, first: int, processes: int, until: float = float("inf")
+) -> list[Tally]:
+    """Folders with one file spoiled: exit 0, 1 or 2 with a message, and nothing that is not so.
+
+    Args:
+        number: of corruptions, in the order of their numbers; fewer where time is over.
+        work: where the folders are made. first: number of the first. processes: that do it.
+        until: after which none is begun [s since the epoch].
+    """
     folders, tallies = made(work), dict[str, Tally]()
-    codes, began = Counter[int](), time.monotonic()
+    codes, slowest, began = Counter[int](), 0.0, time.monotonic()
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(processes, context) as pool:
         last = first + number
         starts = range(first, last, CHUNK)
-        jobs = [pool.submit(spoiled, folders, s, min(CHUNK, last - s)) for s in starts]
+        jobs = [pool.submit(spoiled, folders, s, min(CHUNK, last - s), until) for s in starts]
         for job in as_completed(jobs):
             for each in job.result():
                 codes[each.code] += 1
+                slowest = max(slowest, each.took)
                 told = f"{each.spoiled.name}: {' '.join(each.command)} ends with {each.code}"
                 failure = f"corruption {each.spoiled.number}, {each.spoiled.kind}: {told}: "
                 for what in (each.spoiled.kind, f"of what `{each.command[0]}` reads"):
@@ -337,7 +348,9 @@ def corruptions(number: int, work: Path, first: int, processes: int) -> list[Tal
                     tally.tried += 1
                     if not each.survived:
                         tally.failures.append(f"{failure}{each.output.strip()[-200:]}")
-            say(f"{sum(codes.values())} corruptions, {time.monotonic() - began:.0f} s, {codes}")
+            took = time.monotonic() - began
+            text = f"{sum(codes.values())} corruptions, {took:.0f} s, {codes}"
+            say(f"{text}, slowest {slowest:.1f} s of the processor")
     return [tallies[what] for what in sorted(tallies, key=_place)]
 
 
@@ -387,6 +400,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--corruptions", type=int, default=10_000)
     parser.add_argument("--first", type=int, default=0, help="number of the first corruption")
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        default=float("inf"),
+        help="from now, after which no more corruptions are begun",
+    )
     parser.add_argument("--folders", type=Path, help="keeps the folders that are spoiled here")
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--locks", type=int, default=20)
@@ -396,7 +415,7 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--table", type=Path, help="the page that keeps the table")
     asked = parser.parse_args()
-    tallies: list[Tally] = []
+    tallies, until = list[Tally](), time.time() + asked.minutes * 60
     with tempfile.TemporaryDirectory(prefix="taskspec-faults-") as place:
         work = Path(place)
         tallies.append(kills(asked.kills, work))
@@ -406,7 +425,7 @@ def main() -> int:
         tallies.extend(robots(asked.robots, work))
         folders = asked.folders or work / "folders"
         folders.mkdir(parents=True)
-        tallies.extend(corruptions(asked.corruptions, folders, asked.first, asked.processes))
+        tallies.extend(corruptions(asked.corruptions, folders, asked.first, asked.processes, until))
     say(table(tallies))
     failures = list(dict.fromkeys(line for tally in tallies for line in tally.failures))
     for line in failures:

@@ -41,6 +41,8 @@ _TIMES, _RATES = {"time"}, {"speed", "velocity"}
 _GAINS = {"mass", "stiffness", "damping", "bandwidth", "damping_ratio", "force"}
 #: Keys of `world` whose objects are pressed.
 _TOUCHED = ("shape", "equation")
+#: Of a stiffness, in the place of a number.
+_WORDS = ("rigid", "exact")
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
 
@@ -176,7 +178,7 @@ class LanguageDraft(Draws):
     def soften(self, factor: float) -> None:
         """Makes the contacts of all objects so many times as stiff."""
         for each in self["world"].values():
-            if any(key in each for key in _TOUCHED) and each.get("stiffness") != "rigid":
+            if any(key in each for key in _TOUCHED) and each.get("stiffness") not in _WORDS:
                 each["stiffness"] = f"({each.get('stiffness', '20 kN/m')})*{factor:g}"
 
     # --- writing -----------------------------------------------------------------------------

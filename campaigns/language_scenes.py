@@ -761,11 +761,9 @@ def rail(d: LanguageDraft) -> None:
     if kind == "joints":
         d.model = "planar3"
         d["robot"] |= {"model": "planar3", "start": {"joints": deg(30, 40, -70)}}
-        d["world"]["bars"] = {
-            "equation": "q1 + q2 + q3 = 0",
-            "stiffness": "2 kN*m/rad",
-            "damping": "5 N*m*s/rad",
-        }
+        spring = {"stiffness": "2 kN*m/rad", "damping": "5 N*m*s/rad"}
+        spring = {"stiffness": "exact"} if d.chance(0.3) else spring
+        d["world"]["bars"] = {"equation": "q1 + q2 + q3 = 0", **spring}
         d.stages["go"] = {
             "axes": {
                 "x": {"velocity": f"{d.sign() * d.grid(10, 40, 10):g} mm/s * sin(2*pi*t/(2 s))"}
@@ -801,13 +799,12 @@ def rail(d: LanguageDraft) -> None:
     force = d.grid(4, 15, 1)
     if kind == "ring":
         d["robot"]["start"] = {"xyz": mm(x + r, y, z)}
-        d["world"]["rim"] = {
-            "equation": f"x^2 + y^2 = ({r:g} mm)^2",
-            "frame": "rail",
-            "stiffness": k,
-            "damping": "100 N*s/m",
-        }
+        spring = {"stiffness": k, "damping": "100 N*s/m"}
+        spring = {"stiffness": "exact"} if d.chance(0.3) else spring
+        rim = f"x^2 + y^2 = ({r:g} mm)^2"
+        d["world"]["rim"] = {"equation": rim, "frame": "rail", **spring}
         if d.chance(0.5):
+            k = spring["stiffness"]
             d["world"]["level"] = {"equation": "z = 0 mm", "frame": "rail", "stiffness": k}
         d.stages["round"] = {
             "path": {

@@ -1024,7 +1024,11 @@ class Draft(Draws):
 
     # --- equations ---------------------------------------------------------------------------
 
-    def stiff(self, low: float, high: float) -> dict[str, Value]:
+    def stiff(self, low: float, high: float, *, exact: float = 0.0) -> dict[str, Value]:
+        """How stiff an equation is; `exact` is how often it gives way not at all."""
+        if exact and self.chance(exact):
+            self.stiffness = 200.0
+            return {"stiffness": "exact"}
         self.stiffness = float(f"{self.spread(low, high):.2g}")
         made: dict[str, Value] = {"stiffness": f"{self.stiffness:g} kN/m"}
         if self.chance(0.7):
@@ -1037,7 +1041,7 @@ class Draft(Draws):
         self.mount(("panda", "ur5e"))
         self.sense()
         self.choose_law(_MULTIPLIERS)
-        made, centre = self.stiff(10, 80), self.place()
+        made, centre = self.stiff(10, 80, exact=0.3), self.place()
         radius = round(self.between(50, 100))
         self.robot["start"] = {"xyz": lengths(centre + np.array([radius, 0, 0]))}
         self.frames["rail"], self.frame = {"xyz": lengths(centre)}, "rail"
@@ -1112,6 +1116,8 @@ class Draft(Draws):
             "stiffness": self.nice(0.5, 4, "kN*m/rad"),
             "damping": self.nice(2, 8, "N*m*s/rad"),
         }
+        if self.chance(0.3):
+            stiff = {"stiffness": "exact"}
         self.world["bars"] = {"equation": f'"q1 + q2 + q3 = {deg(turn)}"', **stiff}
         load = f"{self.between(-3, 3):.2g} N*m"
         bars: dict[str, Value] = {"bars": {"torque": load}}
@@ -1141,7 +1147,7 @@ class Draft(Draws):
         self.mount(("panda", "ur5e"))
         self.sense()
         self.choose_law((*_MULTIPLIERS, *_MULTIPLIERS, "hybrid", "impedance-natural", "pd"))
-        made, start = self.stiff(5, 60), self.place()
+        made, start = self.stiff(5, 60, exact=0.3), self.place()
         self.robot["start"] = {"xyz": lengths(start)}
         yaw = round(self.between(-40, 40))
         self.frames["rail"] = {"xyz": lengths(start), "rpy": ["0", "0", deg(yaw)]}

@@ -25,8 +25,9 @@ from taskspec_runner.link.robot import Sample
 from taskspec_runner.link.server import ServerOptions, welcome
 from taskspec_runner.link.udp_robot import UdpRobot
 
-#: How long a robot may keep a run from its end [s].
-PATIENCE = 10.0
+#: How long a robot may keep a run from its end [s]; how often one that takes longer is tried, as
+#: a busy computer may be what took it.
+PATIENCE, TRIES = 10.0, 3
 _VALUES: tuple[Any, ...] = (
     *(10**400, -(10**400), 10**200, 1e308, 5e-324, -1.0, 0, 1, True, None),
     *("", "\ud800", "a\n\x07\x1b[2J", "x" * 3000, [], {}, [[1]], [10**400] * 2, [None] * 99),
@@ -94,6 +95,16 @@ class _Strange(ClockedRobot):
 
 def stamps(seed: int, folder: Path) -> str:
     """What is wrong with a run on a robot of other stamps; empty if nothing is."""
+    took = 0.0
+    for _ in range(TRIES):
+        wrong, took = _stamped(seed, folder)
+        if wrong or took <= PATIENCE:
+            return wrong
+    return f"it took {took:.1f} s, and no less in {TRIES} tries"
+
+
+def _stamped(seed: int, folder: Path) -> tuple[str, float]:
+    """What is wrong with a run by itself, and how long it took [s]."""
     dice = random.Random(seed)
     own = [dice.choice(_STAMPS) for _ in range(dice.choice((1, 2, 5)))]
     pace = dice.choice((0.0, 0.0, 0.01))
@@ -106,10 +117,9 @@ def stamps(seed: int, folder: Path) -> str:
     try:
         run = drive(TOUCH, _Strange(strange, dice.randrange(200)), folder)
     except Exception as error:
-        return repr(error)
+        return repr(error), 0.0
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     took, reason = time.monotonic() - began, run.summary["ending"]["reason"]
-    if took > PATIENCE:
-        return f"it took {took:.1f} s"
-    return "" if run.exit_code in (0, 1, 4, 6) and reason else f"{run.exit_code} {reason!r}"
+    well = run.exit_code in (0, 1, 4, 6) and reason
+    return "" if well else f"{run.exit_code} {reason!r}", took

@@ -68,7 +68,8 @@ def _value(text: str, context: ParseContext) -> str:
 def _stage(text: str, context: ParseContext) -> tuple[str, str]:
     """The stage that a phrase names before or behind a signal, and the rest of it."""
     for name in context.stages:
-        for form in (rf"{name}[. ](?P<rest>.+)", rf"(?P<rest>.+?) (?:in|during|of|while) {name}"):
+        word = re.escape(name)
+        for form in (rf"{word}[. ](?P<rest>.+)", rf"(?P<rest>.+?) (?:in|during|of|while) {word}"):
             if (found := re.fullmatch(form, text)) is not None:
                 return name, found["rest"]
     return "", text

@@ -27,7 +27,7 @@ from injuries import Case, case
 from promises import HangError, found_in, held, resident
 
 #: Files that one process takes at a time; seconds after which it is given up as hanging in C.
-CHUNK, LOST = 200, 120
+CHUNK, LOST = 200, 600
 #: Seconds for making a failing file smaller.
 EFFORT = 10.0
 #: What a file should take at the most [s of processor time]; what takes longer is counted.

@@ -16,6 +16,10 @@ HEAD = "taskspec: 1\nrobot: {model: panda}\n"
 WAIT = "stages: {a: {time: 1 s}}\n"
 
 FOUND = {
+    "a stage whose name is half a pattern": (
+        HEAD + 'stages: {"a(b": {time: 1 s}}\nexpect: [peak force < 3 N]\n',
+        {"TS125", "TS101"},
+    ),
     "a path that lasts longer than moves can be planned": (
         HEAD + "stages: {a: {path: {to: [0, 1e15 mm, 0, 0 deg], speed: 5 mm/s}}}\n",
         {"TS118"},

@@ -23,8 +23,11 @@ from taskspec_runner.link.simulated import SimulatedRobot
 from taskspec_runner.session import execute_program
 
 PROGRAM = TOUCH.replace("stages:\n", "law: {kind: hybrid, solve: qp}\nstages:\n")
+EXACT = RAIL.replace("stiffness: 2 kN*m/rad, damping: 5 N*m*s/rad", "stiffness: exact")
 #: A perfect and a real sensor; a program of limits; a screw that is held; equations.
-TASKS = {"touch": TOUCH, "sensed": SENSED, "qp": PROGRAM, "screw": "screw", "rail": RAIL}
+TASKS = {
+    "touch": TOUCH, "sensed": SENSED, "qp": PROGRAM, "screw": "screw", "rail": RAIL, "exact": EXACT
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", TASKS)

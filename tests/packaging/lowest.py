@@ -20,8 +20,8 @@ def pins(requirements: Iterable[str]) -> Iterator[str]:
             yield f"{match[1]}=={match[2]}"
 
 
-def all_pins(extras: Iterable[str] = ("mcap", "dask")) -> list[str]:
-    """Pins of all that the project needs, and of some of its extras."""
+def all_pins(extras: Iterable[str] = ("mcap", "dask", "dev")) -> list[str]:
+    """Pins of all that the project needs, of its extras, and of what its tests read with."""
     project = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
     optional = project["optional-dependencies"]
     wanted = [*project["dependencies"], *(r for extra in extras for r in optional[extra])]

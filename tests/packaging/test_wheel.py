@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -16,12 +17,50 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
-def names(tmp_path_factory) -> list[str]:
+def installed(tmp_path_factory) -> Path:
+    """A folder with what the wheel holds."""
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder), str(ROOT)]
     subprocess.run(command, check=True, capture_output=True)
     with zipfile.ZipFile(next(folder.glob("*.whl"))) as wheel:
-        return wheel.namelist()
+        wheel.extractall(folder / "site")
+    return folder / "site"
+
+
+@pytest.fixture(scope="module")
+def names(installed) -> list[str]:
+    return [p.relative_to(installed).as_posix() for p in installed.rglob("*") if p.is_file()]
+
+
+def test_the_wheel_needs_no_repository(installed, tmp_path):
+    """Templates, robots and pages of the codes come along."""
+
+    environment = {**os.environ, "PYTHONPATH": str(installed), "TASKSPEC_CACHE": ""}
+
+    def said(*arguments: str) -> str:
+        command = [sys.executable, *arguments]
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        )
+        return done.stdout
+
+    files = "import taskspec, taskspec_runner as r; print(taskspec.__file__, r.__file__)"
+    assert [Path(each).parents[1] for each in said("-c", files).split()] == [installed] * 2
+    command = "-m", "taskspec_runner"
+    assert "my-own-robot.yaml" in said(*command, "new", "own-robot")
+    assert (tmp_path / "robots" / "bench-arm.urdf").is_file()
+    assert said(*command, "explain", "TS501").startswith("# TS501")
+    said(*command, "validate", "my-own-robot.yaml")
+
+
+def test_what_others_look_for_is_declared(installed):
+    """The command, the plugin of pytest, and that both packages have types."""
+    (points,) = installed.glob("*.dist-info/entry_points.txt")
+    text = points.read_text("utf-8")
+    assert "[console_scripts]\ntaskspec = taskspec_runner.cli:main" in text
+    assert "[pytest11]\ntaskspec = taskspec_runner.pytest_plugin" in text
+    for package in ("taskspec", "taskspec_runner"):
+        assert (installed / package / "py.typed").is_file()
 
 
 def test_only_our_packages_are_top_level(names):

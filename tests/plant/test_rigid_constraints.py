@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import casadi as ca
 import mujoco
 import numpy as np
@@ -10,11 +13,15 @@ import pytest
 
 import constrained_forms
 from plants import Pushed
+from taskspec import load
 from taskspec.control import linear
 from taskspec.program.world.equations import equation_models
+from taskspec_runner import run
 from taskspec_runner.plant import rigid_constraints
 from taskspec_runner.plant.plant import Plant
 
+DATA = Path(__file__).parents[1] / "robot" / "data"
+TASKS = Path(__file__).parents[2] / "tasks"
 SLOPE = "rail: {{equation: '{scale} * (z - 400 mm + x - 500 mm) = 0', stiffness: exact}}"
 NORMAL = np.array([1.0, 0.0, 1.0]) / np.sqrt(2)
 #: A ball about (0, 0, 200 mm) through the start.
@@ -269,6 +276,68 @@ def test_without_solving_for_contacts_together_it_would_not(monkeypatch):
         _, tips = watched(pushed, [8.0, 30.0, -20.0], 200)
         drift[rounds] = np.abs((tips - [0.5, 0.0, 0.4]) @ NORMAL).max()
     assert drift[1] > 100 * drift[rigid_constraints.MOST_ROUNDS]
+
+
+HANDLE = (
+    "crank: {mechanism: hinge, xyz: [500 mm, 0, 400 mm], handle: [120 mm, 0, 0], "
+    "inertia: 0.02 kg*m^2, knob: free, stop: -5 deg .. 5 deg}"
+)
+BLOCK = (
+    "block: {shape: box, xyz: [500 mm, 0, 375 mm], size: [60 mm, 40 mm, 50 mm], free: true, "
+    "mass: 1.5 kg}"
+)
+HELD = {
+    "a mechanism": (HANDLE, "grasp: crank.handle", "[620 mm, 0, 400 mm]"),
+    "a loose body": (BLOCK, "grasp: block", "[500 mm, 0, 400 mm]"),
+    "nothing, measured at the wrist": ("", "sensor: {at: wrist}", "[500 mm, 0, 400 mm]"),
+}
+
+
+@pytest.mark.parametrize("held", HELD)
+def test_it_holds_with_what_the_arm_holds(held):
+    """A grip, the stop of a mechanism, a sensor at the wrist: the tip stays at its level."""
+    world, robot, start = HELD[held]
+    world = ", ".join(w for w in ("rail: {equation: 'z = 400 mm', stiffness: exact}", world) if w)
+    pushed = Pushed(world, robot, start=start, damping=2)
+    forces, tips = watched(pushed, [3.0, 10.0, -15.0], 300)
+    assert np.abs(tips[:, 2] - 0.4).max() < 5e-8
+    assert np.ptp(tips[:, 1]) > 1e-3
+    assert np.abs(forces).max() > 5.0
+    assert np.isfinite(pushed.plant.arm.wrench).all()
+
+
+COUPLED = """
+taskspec: 1
+robot: {model: ./palletizer.urdf, start: {xyz: [600 mm, 100 mm, 560 mm]}}
+world:
+  level: {equation: z = 560 mm, stiffness: exact}
+  side: {equation: "x - 0.5*y = 550 mm", stiffness: exact}
+law: hybrid-multipliers
+stages:
+  press: {constraints: {level: {force: -10 N}}, axes: {y: {move: 40 mm}}, time: 1 s}
+"""
+
+
+def test_it_holds_an_arm_whose_joints_follow_others(tmp_path):
+    """MuJoCo's constraints between the joints, and the exact ones, are solved for together."""
+    shutil.copy(DATA / "palletizer.urdf", tmp_path)
+    (tmp_path / "task.yaml").write_text(COUPLED)
+    columns = run(load(tmp_path / "task.yaml"), tmp_path / "run").history.columns
+    # By the joints that move by themselves: those that follow give way by as much under the weight.
+    assert np.abs(columns["level.gap"]).max() < 1e-6
+    assert np.abs(columns["side.gap"]).max() < 1e-6
+    assert columns["level.lambda"][-1] == pytest.approx(-10.0, abs=0.1)
+    assert columns["position.y"][-1] - columns["position.y"][0] == pytest.approx(0.04, abs=1e-3)
+
+
+def test_the_summary_has_the_drift(tmp_path):
+    found = run(load(TASKS / "exact-ring.yaml"), tmp_path / "run")
+    columns, drift = found.history.columns, found.summary["drift"]
+    assert [*drift] == ["rim", "level"]
+    for name, most in drift.items():
+        assert most["most"] == np.abs(columns[f"{name}.gap"]).max()
+        assert 1e-13 < most["most"] < 1e-9
+    assert "drift from rim: " in found.report.read_text()
 
 
 def test_one_on_joints_acts_on_them_alone():

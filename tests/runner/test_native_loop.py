@@ -38,6 +38,7 @@ DIFFERENT = (
     "conveyor",  # an object that moves by itself
     "exact-ring",  # equations that hold exactly, one of which moves
     "door-handle",  # a grip, a mechanism with a detent
+    "helix-cut",  # axes that follow another one
     "linkage",  # equations on the tip and on joints
     "linkage-in-joints",  # a motion and a path of joints on a constraint, joint torques
     "peg-in-hole",  # a tool with sides, a cut, retries by condition
@@ -99,6 +100,30 @@ stages:
 def test_the_loops_go_along_a_slowed_path_alike(tmp_path: Path) -> None:
     (tmp_path / "slowed.yaml").write_text(SLOWED)
     program = compile_unchecked(load_task(tmp_path / "slowed.yaml"))
+    assert the_same(program, tmp_path)
+
+
+MEASURED = """
+taskspec: 1
+robot: {model: panda, start: {xyz: [500 mm, 0, 302 mm]}}
+world: {table: {shape: plane, xyz: [500 mm, 0, 300 mm], rpy: [0, 10 deg, 0], stiffness: 20 kN/m}}
+frames: {here: {parent: world, xyz: [500 mm, 0, 300 mm]}}
+frame: here
+stages:
+  approach: {axes: {z: {velocity: -10 mm/s}}, until: force.z < -2 N, within: {time: 2 s}}
+  follow:
+    axes:
+      x: {velocity: 20 mm/s}
+      z: {force: -8 N}
+      y: {follows: 2 * z + 5 mm * sin(x/(5 mm))}
+      rx: {follows: 3 rad/m * y}
+    time: 0.5 s
+"""
+
+
+def test_the_loops_follow_measured_and_commanded_axes_alike(tmp_path: Path) -> None:
+    (tmp_path / "measured.yaml").write_text(MEASURED)
+    program = compile_unchecked(load_task(tmp_path / "measured.yaml"))
     assert the_same(program, tmp_path)
 
 

@@ -87,6 +87,7 @@ VARIED = {
     "screw": "{world.cap.pitch: 3..5 mm/turn, world.cap.rpy: [+- 1 deg, 0, 0]}",
     "ring": "{world.rim.stiffness: 30..60 kN/m, world.level.damping: 50..200 N*s/m}",
     "linkage": "{world.bars.stiffness: 1..3 kN*m/rad}",
+    "exact-ring": "{robot.joint_damping: 0..2 N*m*s/rad, robot.payload.mass: 0..300 g}",
 }
 
 

@@ -36,6 +36,8 @@ from taskspec_runner.trial.trial import Trial, trial
 
 _STATIC = "left out: --static"
 _CODE = re.compile(r"TS\d{3}\Z", re.IGNORECASE)
+#: To another page; its text is kept.
+_LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!https?:)[^)]+\)")
 
 
 def explain_what(
@@ -66,11 +68,12 @@ def explain_what(
 
 
 def _explain_code(code: str, *, as_json: bool) -> None:
-    """Shows the page of a diagnostic code: laid out on a terminal, as it is written elsewhere."""
+    """Shows the page of a diagnostic code: laid out on a terminal, as Markdown elsewhere."""
     # By now the compiler's layers are imported, which register codes of their own.
     if code not in CODES:
         raise InputError(f"there is no diagnostic {code}; {suggestion(code, CODES)}".rstrip("; "))
-    text = page(code) or f"# {code}: {CODES[code]}\n"
+    # Other pages lie in the repository, not beside the command.
+    text = _LINK.sub(r"\1", page(code) or f"# {code}: {CODES[code]}\n")
     out = console()
     if as_json:
         _print({"code": code, "title": CODES[code], "page": text})

@@ -175,10 +175,12 @@ LINK_COLUMNS = tuple(
 
 
 def _unmeasured(task: Task) -> Iterator[str]:
-    """Columns that a robot does not measure: forces of single objects, and other motions."""
+    """Columns that a robot does not measure: forces of single objects, multipliers, motions."""
     equations = task.equations
     for owner, declared in task.world.items():
         if owner in equations:
+            signals = OBJECT[declared.kind].items()
+            yield from (f"{owner}.{name}" for name, signal in signals if signal.unmeasured)
             continue
         shape = task.shapes.get(owner)
         known = shape is not None and not shape.free and shape.on is None
