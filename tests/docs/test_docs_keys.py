@@ -99,6 +99,7 @@ def kinds(annotation: object) -> Iterator[object]:
             | EitherQuantity
             | QuantityList
             | JointTargets
+            | JointExpressions
             | ForJoints
             | GainField
             | Formula
