@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.explain.bearing import along, bearing, gap_at_start, moment_arms
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.laws.gains import BANDWIDTH, value_of
+from taskspec.laws.coupled import stretched, yielding_stiffness
+from taskspec.laws.gains import BANDWIDTH, pairs_of
 from taskspec.program.plan import StagePlan
 
 Vector = NDArray[np.float64]
@@ -66,6 +67,12 @@ def _compliance(plan: StagePlan, normal: Vector) -> float | None:
     springs = plan.gains.get("stiffness", {})
     stiff = BANDWIDTH.name in plan.gains
     w = moment_arms(plan, normal)
+    if pairs_of(plan.gains, "stiffness"):
+        loads = {axis: float(w[axis.row]) for axis in plan.axes}
+        borne = {axis: load for axis, load in loads.items() if load**2 >= _UNLOADED}
+        if any(axis not in springs or springs[axis].value <= 0 for axis in borne):
+            return None
+        return sum(load * stretched(plan.gains, axis, borne) for axis, load in borne.items())
     found = 0.0
     for axis in plan.axes:
         share = float(w[axis.row]) ** 2
@@ -92,7 +99,7 @@ def _behind(plan: StagePlan, normal: Vector) -> tuple[Axis, float] | None:
         if one.open_loop:
             force = one.axis.set_point
             wanted = None if force is None else plan.known(force.wanted)
-            own = value_of(plan.gains, "stiffness", axis)
+            own = yielding_stiffness(plan.gains, axis)
             if wanted is None or own <= 0:
                 return None
             depth = (

@@ -56,7 +56,7 @@ def explain_name(node: Name, scope: Scope) -> Problem:
         return Problem(code, message, start, end, hint)
     if not scope.measures and (
         head in signals.VECTORS
-        or head in scope.objects.keys() | scope.stages | {"joint", signals.Index.LINK}
+        or head in scope.objects.keys() | scope.stages | {"joint", signals.Index.LINK, signals.Index.GAIN}
     ):
         message = f"'{text}' is not known here"
         return Problem("TS116", message, start, end, _instead(path, scope))
@@ -157,17 +157,21 @@ def _signal(
         names = [f"{head}.{name}" for name in signals.LINK]
         hint = suggestion(".".join(path), names, "known are")
         return Problem("TS120", f"the link has no signal '{'.'.join(path[1:])}'", start, end, hint)
+    if head == signals.Index.GAIN:
+        names = [f"{head}.{name}.z" for name in signals.GAIN]
+        hint = suggestion(".".join(path), names, "known are")
+        return Problem("TS120", f"there is no gain '{'.'.join(path[1:])}'", start, end, hint)
     if head in (*signals.SCALARS, *signals.CLOCKS, *scope.params):
         return Problem("TS120", f"'{head}' has no parts", start, end, f"write '{head}'")
-    options = {*signals.VECTORS, *scope.objects, "joint", str(signals.Index.LINK)}
+    families = {"joint", str(signals.Index.LINK), str(signals.Index.GAIN)}
+    options = {*signals.VECTORS, *scope.objects, *families}
     if scope.kind is ScopeKind.EXPECT or path[-1] == "visits":
         options |= scope.stages
     if after_stage:
         options = {
             *signals.VECTORS,
             *scope.objects,
-            "joint",
-            str(signals.Index.LINK),
+            *families,
             *signals.words(),
             *signals.CLOCKS,
             "visits",

@@ -11,6 +11,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.signals import SCALARS, VECTORS
 from taskspec.signals.table import REFERENCE
+from taskspec.spec import Task
 
 Fields = tuple[tuple[str, int], ...]
 
@@ -61,9 +62,20 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
-def fields(equations: int) -> Fields:
-    """The outputs of a task's stages; last are set point and measurement of each equation."""
-    return (*INTERNAL, *signals(), ("reaction_ref", equations), ("reaction", equations))
+def fields(equations: int, gains: int = 0) -> Fields:
+    """The outputs of a task's stages.
+
+    Args:
+        equations: how many there are; each has its set point and its measurement.
+        gains: how many of any stage vary; they are last.
+    """
+    reactions = (("reaction_ref", equations), ("reaction", equations))
+    return (*INTERNAL, *signals(), *reactions, *([("gain", gains)] if gains else []))
+
+
+def fields_of(task: Task) -> Fields:
+    """The outputs of the stages of a task."""
+    return fields(len(task.equations), len(task.varying_gains))
 
 
 #: Inputs of a stage when it is entered, in this order: name and length.

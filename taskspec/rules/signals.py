@@ -11,7 +11,7 @@ from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.signals import entry_of
 from taskspec.rules import Finding, Phase, error, rule
-from taskspec.signals import VECTORS
+from taskspec.signals import VECTORS, Index
 from taskspec.signals.table import REFERENCE
 
 
@@ -26,6 +26,10 @@ def missing_signals(stage: StagePlan) -> Iterator[Finding]:
             yield from _missing(stage, reference, reference=True)
     if stage.spec.path is not None and stage.spec.path.slowed is not None:
         yield from _missing(stage, stage.spec.path.slowed, reference=True)
+    for entries in stage.law.by_entry.values():
+        for gain in entries.values():
+            if isinstance(gain, Expression):
+                yield from _missing(stage, gain, reference=True)
 
 
 def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> Iterator[Finding]:
@@ -42,7 +46,10 @@ def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> It
         if reason is None and entry is not None:
             reason = entry.signal.unmeasured or None
         if reason is not None:
-            yield error("TS224", f"{node}: {reason}", expression.where(node), hint)
+            # A law is that of several stages, and one gain that of several axes.
+            yield error(
+                "TS224", f"{node}: {reason}", expression.where(node), hint, unless=("TS224",)
+            )
 
 
 def _instead(context: Context, node: Name) -> str:
@@ -88,6 +95,11 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
         return _no_gap(stage)
     if path[0] == "path_done" and stage.spec.path is None:
         return f"stage {stage.name!r} has no path"
+    if path[0] == Index.GAIN and len(path) > 2:
+        name, on = ".".join(path[1:-1]), path[-1]
+        if (name, on) in stage.law.varying:
+            return None
+        return f"the {name} of stage {stage.name!r} does not vary on {on!r}"
     if path[0] == "joint" and int(path[1]) > robot.n:
         return f"{robot.name!r} has {robot.n} joints"
     if path[0] not in VECTORS or len(path) != 2 or inside_norm:

@@ -229,7 +229,7 @@ def control_of(stage: StagePlan) -> str:
         for name, axis in stage.spec.axes.items()
         if _kind(axis) != _kind(AxisEntry())
     }
-    law = stage.law.model_dump_json()
+    law = repr(stage.law)
     # After a path of joints the arm is another.
     arm = stage.context.start.tobytes()
     return repr((sorted(axes.items()), stage.frame.name, law, sorted(stage.spec.constraints), arm))

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from taskspec.deferred import pa
 from taskspec.deferred_methods import dataclass
 from taskspec.faults import ENCODER, TORQUE
-from taskspec.geometry.axis import AXES
+from taskspec.geometry.axis import AXES, axes_of
 from taskspec.program import ports
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
-from taskspec.signals import JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
+from taskspec.signals import GAIN, JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
 from taskspec.signals.table import MEASURED
 from taskspec.spec import Task
 from taskspec.text.units import si_unit
@@ -216,6 +216,10 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
     if any(stage.resolution is not None for stage in stages):
         yield Column("limits", "", "limits")
         yield Column("residual", "", "residual")
+    for i, (name, on) in enumerate(task.varying_gains):
+        if {*axes_of(on)} <= {*axes}:
+            unit = si_unit(GAIN[name].dimensions[on])
+            yield Column(f"{Index.GAIN}.{name}.{on}", unit, "gain", i)
     yield from _of_joints(robot.n, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():

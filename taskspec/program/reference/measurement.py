@@ -51,6 +51,7 @@ class Measurement:
         gaps: to every shape.
         table: signals by name.
         infeasible: what contacts do not return of the set points.
+        varying_gains: of all stages of the task, by name and entry.
         tracks: what its frame tracks, by its number in `tracked_frames`; 0 for nothing.
     """
 
@@ -72,6 +73,7 @@ class Measurement:
     gaps: Mapping[str, ca.SX]
     table: SignalTable
     infeasible: InfeasibleForces
+    varying_gains: tuple[tuple[str, str], ...]
     tracks: float
 
     @property
@@ -158,6 +160,7 @@ def measure(plan: StagePlan) -> Measurement:
         gaps=gaps,
         table=SignalTable(situation, _constants(context), elsewhere),
         infeasible=infeasible,
+        varying_gains=task.varying_gains,
         tracks=tracked_frames.NUMBERS[frame.tracking.of] if frame.tracking is not None else 0.0,
     )
 

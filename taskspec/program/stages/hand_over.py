@@ -9,7 +9,7 @@ import casadi as ca
 
 from taskspec.control.representation import Representation
 from taskspec.program.plan import StagePlan
-from taskspec.program.ports import HANDED, fields, slices
+from taskspec.program.ports import HANDED, fields, fields_of, slices
 from taskspec.program.reference.orientation import displaced, representation_of
 from taskspec.program.world.moving_base import MovingBase
 
@@ -35,10 +35,11 @@ def leaving(plan: StagePlan) -> ca.Function:
         if axis.motion and not axis.force and not axis.open_loop
     )
     axes = tuple(name.row for name in plan.plans)
-    angles, equations = representation_of(plan.law), len(plan.context.equations)
+    angles, task = representation_of(plan.law), plan.context.loaded.task
+    size = sum(length for _, length in fields_of(task))
     if plan.moving_base is None:
-        return _leaving_still(axes, forced, tracked, angles, equations)
-    return _leaving(axes, forced, tracked, angles, equations, plan.moving_base)
+        return _leaving_still(axes, forced, tracked, angles, size)
+    return _leaving(axes, forced, tracked, angles, size, plan.moving_base)
 
 
 def _leaving(
@@ -46,7 +47,7 @@ def _leaving(
     forced: Sequence[int],
     tracked: Sequence[int],
     angles: Representation | None,
-    equations: int,
+    size: int,
     base: MovingBase | None = None,
 ) -> ca.Function:
     """What `leaving` gives.
@@ -55,10 +56,9 @@ def _leaving(
         axes: rows of the axes that are controlled, and of those `forced`, which have a force set
             point, and `tracked`, which hand on the reference of their motion.
         angles: in which the law measures orientation; None for the rotation vector.
-        equations: how many there are.
+        size: of the outputs.
         base: that carries the frame.
     """
-    size = sum(length for _, length in fields(equations))
     outputs, clock = ca.SX.sym("outputs", size), ca.SX.sym("clock")
     places = slices(fields(0))
     names = (*(name for name, _ in HANDED if name in places), *_LEFT)

@@ -95,7 +95,10 @@ def outputs(
         for name, _ in (*INTERNAL, *ports.signals())
     ]
     return ca.vertcat(
-        *found, _wanted_reactions(measurement, commanded.forces.desired), _reactions(measurement)
+        *found,
+        _wanted_reactions(measurement, commanded.forces.desired),
+        _reactions(measurement),
+        _gains(measurement, commanded),
     )
 
 
@@ -113,6 +116,18 @@ def _wanted_reactions(measurement: Measurement, desired: Mapping[str, ca.SX]) ->
     """(equations,) set points, NaN where there is none."""
     nothing = ca.SX(np.nan)
     return ca.vertcat(ca.SX(0, 1), *(desired.get(name, nothing) for name in measurement.rows))
+
+
+def _gains(measurement: Measurement, commanded: Commanded) -> ca.SX:
+    """(gains,) those that vary in any stage of the task, NaN where this one does not have them."""
+    gains, nothing = commanded.case.gains, ca.SX(np.nan)
+    return ca.vertcat(
+        ca.SX(0, 1),
+        *(
+            ca.SX(by[on].value) if on in (by := gains.get(name, {})) else nothing
+            for name, on in measurement.varying_gains
+        ),
+    )
 
 
 def _reactions(measurement: Measurement) -> ca.SX:
