@@ -62,9 +62,12 @@ def spring_contact(plan: StagePlan) -> SpringContact | None:
 def _compliance(plan: StagePlan, normal: Vector) -> float | None:
     """w^T K_m^-1 w [m/N] of the axes with a spring along a normal (3,); None where there is none.
 
-    Axes that have a bandwidth instead of a spring are stiff beside those with one.
+    None as well where a stiffness varies. Axes that have a bandwidth instead of a spring are stiff
+    beside those with one.
     """
     springs = plan.gains.get("stiffness", {})
+    if any(gain.formula is not None for gain in springs.values()):
+        return None
     stiff = BANDWIDTH.name in plan.gains
     w = moment_arms(plan, normal)
     if pairs_of(plan.gains, "stiffness"):
@@ -72,7 +75,7 @@ def _compliance(plan: StagePlan, normal: Vector) -> float | None:
         borne = {axis: load for axis, load in loads.items() if load**2 >= _UNLOADED}
         if any(axis not in springs or springs[axis].value <= 0 for axis in borne):
             return None
-        return sum(load * stretched(plan.gains, axis, borne) for axis, load in borne.items())
+        return float(sum(w * stretched(plan.gains, a, borne) for a, w in borne.items()))
     found = 0.0
     for axis in plan.axes:
         share = float(w[axis.row]) ** 2

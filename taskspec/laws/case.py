@@ -12,7 +12,8 @@ from taskspec.control.resolution import full_acceleration
 from taskspec.control.state import TaskState
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
-from taskspec.laws.gains import Gains, diagonal, pairs_of, rows
+from taskspec.laws import coupled
+from taskspec.laws.gains import Gains, diagonal, pairs_of
 from taskspec.laws.multipliers import Multipliers
 
 
@@ -116,8 +117,7 @@ class Case:
 
     def matrix(self, name: str) -> ca.SX:
         """(m, m) one gain, zero where it has no entry."""
-        whole = rows(self.gains, name, self.state.axes)
-        return ca.vertcat(*(ca.horzcat(*(ca.SX(x) for x in row)) for row in whole))
+        return coupled.matrix(self.gains, name, self.state.axes)
 
     def of_joints(self, name: str) -> ca.DM | ca.SX:
         """(n,) one gain on all joints."""

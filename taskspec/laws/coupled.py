@@ -52,26 +52,24 @@ def with_damping(
     if mobility is None:
         mobility = np.diag([1 / axis.plant.h for axis in axes.values()])
     for group in groups(gains):
-        at = [order.index(axis) for axis in group]
+        at, period = [order.index(axis) for axis in group], axes[group[0]].plant.period
         own = [on for on, gain in gains["damping"].items() if gain.origin == "file"]
         if any({*axes_of(on)} & {*group} for on in own):
             continue
         looped = law.force_loop and any(axes[a].force for a in group)
         ratio = 1.0 if looped else SPRING_DAMPING_RATIO
-        free = mobility[np.ix_(at, at)]
         K = rows(gains, "stiffness", group)
         for i, axis in enumerate(group):
             if axes[axis].force and not axes[axis].lets_go:
                 K[i][i] = K[i][i] + axes[axis].plant.k
         if law.natural:
-            M = np.linalg.inv(mobility)[np.ix_(at, at)]
+            held = np.linalg.inv(mobility)[np.ix_(at, at)]
             for i, axis in enumerate(group):
                 smallest = SMALLEST_MASS["angular" if axis.is_rotation else "linear"]
-                M[i, i] = max(M[i, i], smallest)
-            M = M.tolist()
+                held[i, i] = max(held[i, i], smallest)
+            D = modal_damping(held.tolist(), K, ratio, period, mobility[np.ix_(at, at)])
         else:
-            M, free = rows(gains, "mass", group), None
-        D = modal_damping(M, K, ratio, axes[group[0]].plant.period, free)
+            D = modal_damping(rows(gains, "mass", group), K, ratio, period)
         for i, row in enumerate(group):
             for j, column in list(enumerate(group))[i:]:
                 on = str(row) if i == j else row + column
@@ -121,25 +119,31 @@ def modal_damping(
     return [[D[min(i, j), max(i, j)] for j in range(m)] for i in range(m)]
 
 
-def _matrix(rows: Sequence[Sequence[Any]]) -> ca.SX:
-    return ca.vertcat(*(ca.horzcat(*(ca.SX(x) for x in row)) for row in rows))
+def matrix(gains: Gains, name: str, axes: Sequence[str]) -> ca.SX:
+    """(m, m) one gain on some axes, zero where it has no entry."""
+    return _matrix(rows(gains, name, axes))
+
+
+def _matrix(entries: Sequence[Sequence[Any]]) -> ca.SX:
+    return ca.vertcat(*(ca.horzcat(*(ca.SX(x) for x in row)) for row in entries))
 
 
 def least_eigenvalue(
-    matrix: Sequence[Sequence[float]], group: Sequence[Axis]
+    entries: Sequence[Sequence[float]], group: Sequence[Axis]
 ) -> tuple[float, dict[Axis, float]]:
     """The least eigenvalue of a matrix (m, m) [SI], and its direction by axis.
 
-    A rotation counts as a distance at the arm's length, so that the entries compare.
+    Where translations and rotations are coupled, a radian counts as the arm's length.
 
     Args:
-        matrix: symmetric, on the axes of `group`.
+        entries: of the matrix, symmetric, on the axes of `group`.
         group: its axes.
     """
     from taskspec.control.state import ARM_LENGTH
 
-    scale = np.array([1 / ARM_LENGTH if axis.is_rotation else 1.0 for axis in group])
-    values, vectors = np.linalg.eigh(np.array(matrix, dtype=float) * np.outer(scale, scale))
+    both = len({axis.is_rotation for axis in group}) > 1
+    scale = np.array([1 / ARM_LENGTH if both and a.is_rotation else 1.0 for a in group])
+    values, vectors = np.linalg.eigh(np.array(entries, dtype=float) * np.outer(scale, scale))
     direction = vectors[:, 0] * np.sign(vectors[np.argmax(np.abs(vectors[:, 0])), 0])
     return float(values[0]), dict(zip(group, (direction * scale).tolist(), strict=True))
 

@@ -183,7 +183,7 @@ def limited(wanted: float, plant: AxisPlant, rule: str) -> Gain:
 
 def _root(value: float) -> float:
     """The square root of a number, or of what varies."""
-    root: float = math.sqrt(value) if is_number(value) else value**0.5
+    root: float = math.sqrt(value) if is_number(value) else ca.sqrt(ca.fmax(value, 0))
     return root
 
 

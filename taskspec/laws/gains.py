@@ -32,7 +32,7 @@ class LawGain:
     powers: Mapping[str, int] = field(default_factory=dict)
 
     def text(self, value: float, *, angular: bool, entry: str = "") -> str:
-        """A value [SI] on an axis, or of an entry of its matrix, in the unit that suits its size."""
+        """A value [SI] on an axis, or of an entry off the diagonal, in the unit that suits it."""
         if self.unit:
             return show(value, self.unit)
         if is_mixed(entry):

@@ -47,9 +47,7 @@ class Impedance(ControlLaw):
             return _on_mechanism(case)
         state, reference = case.state, case.reference
         pull = _springs(case) + state.f
-        return Command(
-            acceleration=reference.acceleration + case.by_mass(pull), wrench=-state.f
-        )
+        return Command(acceleration=reference.acceleration + case.by_mass(pull), wrench=-state.f)
 
     def strikes_with(self, gains: Mapping[str, Gain], arm_mass: float) -> float:  # noqa: ARG002
         """The apparent mass h_m."""

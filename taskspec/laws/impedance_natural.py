@@ -33,6 +33,5 @@ class ImpedanceNatural(ControlLaw):
         velocity_error = reference.velocity - state.velocity
         return Command(
             acceleration=reference.acceleration,
-            wrench=case.times("damping", velocity_error)
-            + case.times("stiffness", reference.error),
+            wrench=case.times("damping", velocity_error) + case.times("stiffness", reference.error),
         )

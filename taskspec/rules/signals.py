@@ -96,10 +96,7 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
     if path[0] == "path_done" and stage.spec.path is None:
         return f"stage {stage.name!r} has no path"
     if path[0] == Index.GAIN and len(path) > 2:
-        name, on = ".".join(path[1:-1]), path[-1]
-        if (name, on) in stage.law.varying:
-            return None
-        return f"the {name} of stage {stage.name!r} does not vary on {on!r}"
+        return _no_gain(stage, ".".join(path[1:-1]), path[-1])
     if path[0] == "joint" and int(path[1]) > robot.n:
         return f"{robot.name!r} has {robot.n} joints"
     if path[0] not in VECTORS or len(path) != 2 or inside_norm:
@@ -141,6 +138,12 @@ def _no_references(stage: StagePlan, path: tuple[str, ...]) -> str | None:
         return None
     what = f"set point of a {path[0]}" if path[0] == vector.bare[0].effort else "motion"
     return f"no axis has a {what} here"
+
+
+def _no_gain(stage: StagePlan, name: str, on: str) -> str | None:
+    """Why the log has no gain of a stage, None if it has."""
+    varies = (name, on) in stage.law.varying
+    return None if varies else f"the {name} of stage {stage.name!r} does not vary on {on!r}"
 
 
 def _no_gap(stage: StagePlan) -> str | None:

@@ -14,11 +14,10 @@ from taskspec.text.units import NUMBER, Dimension
 
 
 class Index(StrEnum):
-    """What the members of an entry differ by: an axis, a joint, an object of the world, a stage,
-    the entry of a matrix of gains.
+    """What the members of an entry differ by: an axis, a joint, an object of the world, a stage.
 
-    A single signal has one member, and so have a clock and a figure of the link to a plant that is
-    elsewhere.
+    Those of a gain differ by the entry of its matrix. A single signal has one member, and so have a
+    clock and a figure of the link to a plant that is elsewhere.
     """
 
     SINGLE = "single"

@@ -11,7 +11,15 @@ from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression, ExpressionError, ScopeKind, parse
 from taskspec.expression.scope import CONSTANTS
 from taskspec.expression.tree import Name, walk
-from taskspec.geometry.axis import AXES, PAIRS, ROTATIONS, TRANSLATIONS, Axis, entry_dimension, is_mixed
+from taskspec.geometry.axis import (
+    AXES,
+    PAIRS,
+    ROTATIONS,
+    TRANSLATIONS,
+    Axis,
+    entry_dimension,
+    is_mixed,
+)
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import NOTHING, Constant, Formula
@@ -42,6 +50,14 @@ class AxisValues:
     ry: float | Expression | None = None
     rz: float | Expression | None = None
     pairs: Mapping[str, float | Expression] = field(default_factory=lambda: MappingProxyType({}))
+
+    @classmethod
+    def of(
+        cls, found: Mapping[Axis, float | Expression], pairs: Mapping[str, float | Expression]
+    ) -> AxisValues:
+        """Those on some axes, and entries off the diagonal."""
+        x, y, z, rx, ry, rz = (found.get(axis) for axis in AXES)
+        return cls(x, y, z, rx, ry, rz, MappingProxyType({**pairs}))
 
     def get(self, axis: Axis) -> float | Expression | None:
         """The value of an axis.
@@ -86,8 +102,8 @@ class GainField(FieldType):
             context.error("TS215", message, span_of(value), hint)
             return AxisValues()
         if not isinstance(value, Map):
-            return AxisValues(**dict.fromkeys(TRANSLATIONS, self._one(value, "x", context)))
-        found: dict[str, float | Expression] = {}
+            return AxisValues.of(dict.fromkeys(TRANSLATIONS, self._one(value, "x", context)), {})
+        found: dict[Axis, float | Expression] = {}
         pairs: dict[str, float | Expression] = {}
         grouped = "linear" in value or "angular" in value
         words = tuple(_GROUPS) if grouped else AXES
@@ -119,7 +135,7 @@ class GainField(FieldType):
             else:
                 axes = _GROUPS.get(key) or (Axis(key),)
                 found |= dict.fromkeys(axes, self._one(entry, axes[0], context))
-        return AxisValues(**found, pairs=MappingProxyType(pairs))  # type: ignore[arg-type]
+        return AxisValues.of(found, pairs)
 
     @property
     def _mixes(self) -> bool:

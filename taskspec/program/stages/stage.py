@@ -27,13 +27,12 @@ from taskspec.program.signals import UnknownSignalError
 from taskspec.program.slots import Slots, gain_slot
 from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
-from taskspec.program.stages.conditions import limit_conditions, stage_conditions
+from taskspec.program.stages.conditions import gain_conditions, limit_conditions, stage_conditions
 from taskspec.program.stages.entry import Entering, StageEntry
 from taskspec.program.stages.hand_over import leaving
 from taskspec.program.stages.outputs import of_the_law, outputs, probe
 from taskspec.program.stages.protected import protection_conditions
 from taskspec.spec import FILE
-
 
 #: The parameter that is 1 where gains that vary are to stay as they are, 0 in every run.
 FROZEN = "frozen"
@@ -160,7 +159,7 @@ def tunable(plan: StagePlan, measurement: Measurement) -> tuple[Gains, Gains]:
     """The gains of a stage as its tick has them, and as its entry does.
 
     They are slots of the parameters, which an entry fills; those of zero stay what they are. Gains
-    that vary are their expressions, but where the parameter `FROZEN` is 1: then they are slots, too.
+    that vary are their expressions, but slots, too, where the parameter `FROZEN` is 1.
     """
     parameters, known = measurement.parameters, dict[int, ca.SX]()
     inputs = measurement.inputs
@@ -207,6 +206,7 @@ def _conditions(plan: StagePlan, measurement: Measurement, commanded: Commanded)
     limits = [
         *limit_conditions(context.robot, plan, measurement, commanded.references),
         *commanded.conditions,
+        *gain_conditions(commanded.case.gains),
         *protection_conditions(plan, measurement),
     ]
     return [
