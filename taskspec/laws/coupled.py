@@ -16,13 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 from taskspec.deferred import ca, np
 from taskspec.geometry.axis import Axis, axes_of, coupled
-from taskspec.laws.design import SMALLEST_MASS, SPRING_DAMPING_RATIO
+from taskspec.laws.design import SMALLEST_MASS, SPRING_DAMPING_RATIO, DesignedLaw
 from taskspec.laws.gains import AxisDesign, Gain, Gains, is_number, pairs_of, rows, value_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from taskspec.laws.law import ControlLaw
 
 _DESIGNED = "designed: 2 {} w of the modes of mass and stiffness"
 
@@ -33,7 +31,7 @@ def groups(gains: Gains) -> list[tuple[Axis, ...]]:
 
 
 def with_damping(
-    law: ControlLaw,
+    law: DesignedLaw,
     gains: Gains,
     axes: Mapping[Axis, AxisDesign],
     mobility: NDArray[np.float64] | None,

@@ -37,7 +37,8 @@ def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> It
     for node, inside_norm in _names(expression.tree, False):
         hint = ""
         entry = entry_of(context.loaded.task, node.path)
-        reason = no_such_signal(stage, node, inside_norm=inside_norm)
+        gain = entry is not None and entry.signal.index is Index.GAIN
+        reason = None if gain else no_such_signal(stage, node, inside_norm=inside_norm)
         if reason is None and reference and entry is not None:
             reason = entry.signal.reference or None
         if reason is None and node.path[0] in context.mechanisms and node.path[0] != context.held:
