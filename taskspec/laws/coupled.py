@@ -94,7 +94,7 @@ def modal_damping(
     """
     m = len(M)
     if all(is_number(x) for matrix in (M, K) for row in matrix for x in row):
-        L = np.linalg.cholesky(np.array(M, dtype=float))
+        L = np.linalg.cholesky(_positive_definite(np.array(M, dtype=float)))
         C = np.linalg.solve(L, np.linalg.solve(L, np.array(K, dtype=float)).T)
         values, V = np.linalg.eigh((C + C.T) / 2)
         P = L @ V
@@ -115,6 +115,14 @@ def modal_damping(
     moved = ca.SX.ones(m) if mobility is None else ca.sum1(P * through).T
     D = P @ ca.diag(ca.fmin(d, 1 / (3 * period * moved))) @ P.T
     return [[D[min(i, j), max(i, j)] for j in range(m)] for i in range(m)]
+
+
+def _positive_definite(M: NDArray[np.float64]) -> NDArray[np.float64]:
+    """M itself; where it is indefinite, which is reported (TS216), its diagonal."""
+    if np.linalg.eigvalsh(M)[0] > 0:
+        return M
+    diagonal: NDArray[np.float64] = np.diag(np.abs(np.diag(M)))
+    return diagonal
 
 
 def matrix(gains: Gains, name: str, axes: Sequence[str]) -> ca.SX:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from taskspec.expression import Expression
 from taskspec.expression.tree import Name, walk
@@ -159,7 +160,7 @@ def _indefinite(stage: StagePlan, name: str, group: Sequence[Axis]) -> Iterator[
                 "TS218", f"{text}, at an end of its range", place, hint, unless=("TS218",)
             )
         else:
-            yield error("TS216", text, place, hint, unless=("TS216",))
+            yield replace(error("TS216", text, place, hint, unless=("TS216",)), stops=True)
         return
 
 
