@@ -5,8 +5,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench docs docs-shown docs-site
-.PHONY: docs-serve steps foreign native designs equivalence truth tsid referee check clean
+.PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
+.PHONY: docs docs-shown docs-site vscode docs-serve steps foreign native designs equivalence truth tsid referee check
+.PHONY: clean bounds
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -16,6 +17,9 @@ test: $(READY)  ## run all tests
 
 theory: $(READY)  ## hold the laws against their theorems, print the table, keep it in docs/theory.md
 	$(BIN)/pytest tests/theory --theory-table=docs/theory.md
+
+bounds: $(READY)  ## 200 random presses under the PID regulator, and the bound of Theorem 4.1 on each
+	$(BIN)/pytest tests/theory/test_theory_bound.py --random-presses=200
 
 proof: $(READY)  ## 1000 random tasks with random limits, and how near to them each came
 	$(BIN)/pytest tests/runner/test_runner_qp_random.py --random-tasks=1000
@@ -103,6 +107,10 @@ bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a chan
 	$(BIN)/python benchmarks/bench_tiers.py
 	$(BIN)/python benchmarks/bench_stages.py
 	$(BIN)/python benchmarks/bench_validate.py
+	$(BIN)/python benchmarks/bench_exact.py
+
+vscode:  ## the extension for VS Code, as editors/vscode/taskspec-VERSION.vsix; needs npm
+	cd editors/vscode && npm install --no-audit --no-fund && npx vsce package
 
 docs: docs-shown docs-site  ## the site in build/site, its pictures and what its pages show made anew
 

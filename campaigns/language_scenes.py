@@ -511,6 +511,16 @@ def air(d: LanguageDraft) -> None:
             expect(d, f"max({name}.joint_error) < {d.pick(0.5, 1, 2)} deg")
     if d.chance(0.4):
         d["limits"]["speed"] = f"{d.pick(300, 400, 500)} mm/s"
+    moved = d.stages.get("aside", {}).get("axes", {})
+    if moved and d.chance(0.5):
+        # Beside y, which begins where the file says or where the stage before ends.
+        moved[d.pick("rx", "rz")] = {"follows": f"{d.pick(1, 2, 3)} rad/m * (y - {y:g} mm)"}
+        moved["z"] = {
+            "follows": d.pick(
+                f"{z:g} mm + {d.pick(0.1, 0.3, -0.2)} * (y - {y:g} mm)",
+                f"{z:g} mm + 10 mm * sin((y - {y:g} mm)/({d.pick(10, 20)} mm))",
+            )
+        }
     if d.chance(0.2):
         expect(
             d,

@@ -23,18 +23,21 @@ class Pushed:
         *,
         start: str = "[500 mm, 0, 400 mm]",
         damping: float = 0.0,
+        rate: int = 1,
     ) -> None:
         """A panda at `start` in a `world` of YAML flow text.
 
         Args:
             world, robot: keys of the file. start: of the tip.
             damping: of the joints [N m s/rad].
+            rate: of the plant [kHz].
         """
         text = (
             "taskspec: 1\nname: pushed\n"
             f"robot: {{model: panda, balanced: true, joint_damping: {damping} N*m*s/rad, "
             f"start: {{xyz: {start}}}, {robot}}}\n"
-            f"world: {{{world}}}\nstages: {{wait: {{time: 1 s}}}}\n"
+            f"control: {{plant_rate: {rate} kHz}}\nworld: {{{world}}}\n"
+            "stages: {wait: {time: 1 s}}\n"
         )
         self.task = load_text(text, "pushed.yaml").task
         start_pose = self.task.robot.start

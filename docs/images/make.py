@@ -18,6 +18,7 @@ from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 
 from taskspec.compiler import compile_task
@@ -27,6 +28,9 @@ from taskspec.spec import load_task
 from taskspec_runner.cli.compare import compare_laws
 from taskspec_runner.cli.options import CompareOptions
 from taskspec_runner.compare import PICTURE
+from taskspec_runner.pages.chart import Chart, Trace
+from taskspec_runner.pages.picture import Picture, picture_svg
+from taskspec_runner.pages.timeline import Timeline
 from taskspec_runner.session import execute_program
 from taskspec_runner.video.canvas import backends
 from taskspec_runner.video.film import Clip, Film
@@ -35,12 +39,14 @@ from taskspec_runner.video.recording import Recording
 HERE = Path(__file__).resolve().parent
 TASKS = HERE.parent.parent / "tasks"
 OTHERS = (
-    *("ring", "linkage", "raster-polish", "fold-out-and-press"),
+    *("ring", "linkage", "linkage-in-joints", "raster-polish", "fold-out-and-press"),
     *("hand-guiding", "stiffness-identification", "face-alignment"),
     *("peg-in-hole", "groove-following", "contour-unknown", "unplug"),
     *("slot-insertion", "push-button", "edge-following", "snap-fit", "outline-following"),
     *("deburr", "corner-seating", "pivot-box"),
 )
+#: The task and the picture of what the representation of orientation does to it.
+ORIENTATIONS = "unknown-load"
 LIMITS = ("wipe-friction", "reach-limits")
 TUTORIAL = HERE.parent / "tutorial"
 #: Pictures of the tutorial, and the step that they show.
@@ -74,6 +80,7 @@ def main() -> None:
         *LIMITS,
     ):
         record(task)
+    represent(ORIENTATIONS)
 
 
 def record(picture: str, task: Path | None = None) -> None:
@@ -92,6 +99,35 @@ def record(picture: str, task: Path | None = None) -> None:
         run.plot().save(HERE / f"{picture}.svg")
         if picture in FRAMES and backends():
             draw_frame(Recording.of(run), FRAMES[picture], HERE / f"{picture}.png")
+
+
+def represent(picture: str) -> None:
+    """Runs a task under all representations of orientation and draws its turns as PICTURE.svg."""
+    roles = {"so3": "x", "rpy": "y", "zyz": "z"}
+    with tempfile.TemporaryDirectory() as folder:
+        runs = {
+            name: execute_program(
+                compile_task(load_task(TASKS / f"{picture}.yaml", {"law.orientation": name})),
+                Path(folder) / name,
+                report=False,
+            )
+            for name in roles
+        }
+        charts = [
+            Chart(
+                axis,
+                f"Turn about {axis[1]} under the load",
+                "deg",
+                tuple(
+                    Trace(name, np.degrees(run.columns[f"position.{axis}"]), roles[name], run=name)
+                    for name, run in runs.items()
+                ),
+            )
+            for axis in ("rx", "rz")
+        ]
+        timeline = Timeline(runs, "so3", dict.fromkeys(runs, 0.0))
+        drawn = picture_svg(picture, ", ".join(roles), "", timeline, charts)
+        Picture(drawn).save(HERE / f"{picture}.svg")
 
 
 def compare(picture: str, task: Path) -> None:

@@ -188,7 +188,9 @@ def _equations(plan: StagePlan, returned: ReturnedForces | None) -> dict[str, Re
     found = {}
     for name in plan.active:
         point = plan.spec.constraints.get(name)
-        value = 0.0 if point is None else plan.known(point.wanted)
+        value: float | None = 0.0
+        if point is not None:
+            value = None if point.wanted is None else plan.known(point.wanted)
         if returned is not None and returned.left.get(name):
             value = returned.forces[name] - returned.left[name]
         if value is not None:

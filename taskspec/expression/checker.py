@@ -134,6 +134,9 @@ class Checker:
         hint = self._unit_hint(node, expected)
         if not hint and expected != NUMBER:
             hint = f"it has to come out in {fitting_text(expected)}"
+            if self.scope.kind is ScopeKind.COUPLING:
+                ratio = "2 rad/m of a length" if expected == ANGLE else "5 mm/rad of an angle"
+                hint += f": a factor of the axis has a unit, as in {ratio}"
         return self.report("TS112", message, node, hint)
 
     def _unit_hint(self, node: tree.Node, wanted: Dimension | None) -> str:

@@ -10,7 +10,7 @@ from typing import Literal
 
 from taskspec import signals
 from taskspec.deferred_methods import dataclass
-from taskspec.geometry.axis import TRANSLATIONS
+from taskspec.geometry.axis import AXES, TRANSLATIONS
 from taskspec.signals import CLOCKS, VECTORS, Index, Signal
 from taskspec.signals.table import REFERENCE
 from taskspec.text.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
@@ -20,6 +20,9 @@ Kind = Literal["param", "constant", "clock", "signal", "condition", "vector", "j
 
 COORDINATES: dict[str, Dimension] = dict.fromkeys(TRANSLATIONS, LENGTH)
 """Coordinates of the tool tip, for equations; joints are q1, q2 and so on."""
+
+AXIS_COORDINATES: dict[str, Dimension] = {a: LENGTH.on(rotation=a.is_rotation) for a in AXES}
+"""Coordinates of the axes of a stage's frame, for couplings."""
 
 CONSTANTS: dict[str, tuple[float, Dimension]] = {"pi": (3.141592653589793, NUMBER)}
 
@@ -33,6 +36,8 @@ class ScopeKind(StrEnum):
     """The world's own motion: also `clock`."""
     EQUATION = "equation"
     """A constraint: `clock`, and the tip's x, y, z or the joints q1, q2 and so on."""
+    COUPLING = "coupling"
+    """What an axis follows: the coordinates of the other axes, x, y, z, rx, ry, rz."""
     PLANNED = "planned"
     """A planned position: also `t` and `clock`."""
     REFERENCE = "reference"
@@ -43,6 +48,7 @@ class ScopeKind(StrEnum):
     """An expectation: also signals of one stage, and `for` a share of all ticks."""
 
 
+_COORDINATES = {ScopeKind.EQUATION: COORDINATES, ScopeKind.COUPLING: AXIS_COORDINATES}
 _WORLDLY = (ScopeKind.WORLD, ScopeKind.EQUATION)
 
 
@@ -69,9 +75,18 @@ class Scope:
     @property
     def clocks(self) -> tuple[str, ...]:
         """The clocks that exist here."""
-        if self.kind is ScopeKind.CONSTANT:
+        if self.kind in (ScopeKind.CONSTANT, ScopeKind.COUPLING):
             return ()
         return ("clock",) if self.kind in _WORLDLY else tuple(CLOCKS)
+
+    @property
+    def coordinates(self) -> Mapping[str, Dimension]:
+        """The coordinates that exist here, joints aside."""
+        return _COORDINATES.get(self.kind, {})
+
+    def coordinate(self, name: str) -> Dimension | None:
+        """The dimension of a coordinate that exists here, None for any other name."""
+        return coordinate(name) if self.kind is ScopeKind.EQUATION else self.coordinates.get(name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +126,7 @@ def resolve(path: tuple[str, ...], scope: Scope) -> Meaning | None:
         inner = _resolve_signal(rest, scope) if scope.kind is ScopeKind.EXPECT else None
         return replace(inner, stage=head) if inner else None
     if not rest:
-        if scope.kind is ScopeKind.EQUATION and (dimension := coordinate(head)) is not None:
+        if (dimension := scope.coordinate(head)) is not None:
             return Meaning("coordinate", head, dimension)
         if head in scope.params:
             return Meaning("param", head, scope.params[head].dimension)

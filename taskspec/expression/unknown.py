@@ -5,7 +5,13 @@ from __future__ import annotations
 from taskspec import signals
 from taskspec.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.expression.problem import Problem
-from taskspec.expression.scope import CONSTANTS, COORDINATES, Scope, ScopeKind, coordinate
+from taskspec.expression.scope import (
+    CONSTANTS,
+    COORDINATES,
+    Scope,
+    ScopeKind,
+    coordinate,
+)
 from taskspec.expression.tree import Name
 from taskspec.geometry.axis import AXES, ROTATIONS
 from taskspec.signals.table import REFERENCE
@@ -24,6 +30,7 @@ _ONLY_HERE = {
     ScopeKind.CONSTANT: "a fixed value may use params and pi only",
     ScopeKind.WORLD: "the world may use params, pi and clock only",
     ScopeKind.EQUATION: "an equation may use x, y, z or q1, q2, ..., clock, params and pi",
+    ScopeKind.COUPLING: "a coupling may use the axes x, y, z, rx, ry, rz, params and pi only",
     ScopeKind.PLANNED: "a planned position may use params, pi, t and clock only",
 }
 _PREFIXES = {
@@ -72,6 +79,8 @@ def _instead(path: tuple[str, ...], scope: Scope) -> str:
             return f"in an equation the tool tip's is '{path[1]}'"
         if path[0] == "joint" and path[1].isdigit():
             return f"in an equation it is 'q{path[1]}'"
+    if scope.kind is ScopeKind.COUPLING and path[0] == "position" and path[-1] in scope.coordinates:
+        return f"in a coupling the coordinate is '{path[-1]}'"
     return _ONLY_HERE[scope.kind]
 
 
@@ -106,9 +115,7 @@ def _single(word: str, scope: Scope) -> tuple[str, str, str]:
     unknown = f"unknown name '{word}'"
     if word.lower() in _TRUTH:
         return "TS120", unknown, "a condition compares: gap < 1 mm"
-    known = {*signals.CLOCKS, *CONSTANTS, *scope.params}
-    if scope.kind is ScopeKind.EQUATION:
-        known |= COORDINATES.keys()
+    known = {*signals.CLOCKS, *CONSTANTS, *scope.params, *scope.coordinates}
     if scope.measures:
         known |= {*signals.words(), *scope.stages, *scope.objects}
         other = _OTHERS.get(word.lower().replace("_", ""))

@@ -22,10 +22,12 @@ class JointReference:
     """The references of a path of joints at one instant.
 
     Attributes:
+        position: (n,) q_d [rad, m].
         error: (n,) q_d - q [rad, m].
         velocity, acceleration: (n,) q'_d, q''_d.
     """
 
+    position: ca.SX
     error: ca.SX
     velocity: ca.SX
     acceleration: ca.SX
@@ -134,7 +136,13 @@ class Case:
         return opposite(wrench)
 
     def joint_motion(self) -> ca.SX:
-        """q'' (n,) that the motion loops command, whatever constrains the arm."""
+        """q'' (n,) that the motion loops command, whatever constrains the arm.
+
+        On a path of joints that is q''_d + K_D (q'_d - q') + K_P (q_d - q), joint by joint.
+        """
+        if self.joints is not None:
+            at, K_P, K_D = self.joints, self.of_joints("K_P"), self.of_joints("K_D")
+            return at.acceleration + K_D * (at.velocity - self.joint_velocity) + K_P * at.error
         reference, state = self.reference, self.state
         acceleration = (
             reference.acceleration

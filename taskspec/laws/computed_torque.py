@@ -38,11 +38,7 @@ class ComputedTorque(ControlLaw):
 
     def command(self, case: Case) -> Command:
         """Accelerations of all joints."""
-        at = case.joints
-        assert at is not None
-        K_P, K_D = case.of_joints("K_P"), case.of_joints("K_D")
-        wanted = at.acceleration + K_D * (at.velocity - case.joint_velocity) + K_P * at.error
-        return Command(wrench=0 * case.state.f, joint_acceleration=wanted)
+        return Command(wrench=0 * case.state.f, joint_acceleration=case.joint_motion())
 
     def design(self, axis: object) -> dict[str, Gain]:  # noqa: ARG002
         """Nothing: no axis of the tool is controlled."""

@@ -111,6 +111,8 @@ def force_loop(law: DesignedLaw, axis: AxisDesign, damping: Gain | None = None) 
     damping = damping or axis.of_the_law("force.damping")
     if damping is None and plant.damper is not None:
         damping = Gain(plant.damper, "designed: a Lambda_ii, a = 100/s or 1/(3 T)")
+    elif damping is None and math.isinf(plant.k):
+        damping = Gain(0.0, "designed: 0 along an exact equation, where nothing moves")
     elif damping is None:
         stiffest = max(plant.k, plant.face)
         damping = limited(2 * _root(plant.h * stiffest), plant, "designed: 2 sqrt(h k)")

@@ -129,7 +129,7 @@ class AxisPlant:
     Attributes:
         h: effective mass along the axis while the others are free, 1/(J H^-1 J^T)_ii [kg, kg m^2].
         held: the same while the others are held, Lambda_ii.
-        k: nominal contact stiffness [N/m, N m/rad].
+        k: nominal contact stiffness [N/m, N m/rad]; without bounds along an exact equation.
         period: control period T [s].
         grip: damping of the grip on a mechanism along the axis [N s/m, N m s/rad]; None without.
         damper: what a law's form for the mechanism damps the axis with [N s/m, N m s/rad]; None

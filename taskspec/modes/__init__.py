@@ -6,6 +6,7 @@ file needs no numerical library, so a mode's module imports none before its firs
 
 from taskspec.modes.coupling import Coupling, UncoupledError
 from taskspec.modes.follows import Follows
+from taskspec.modes.follows_axes import FollowsAxes
 from taskspec.modes.force import DEFAULT_RAMP, Force
 from taskspec.modes.free import FreeAxis
 from taskspec.modes.hold import Hold
@@ -52,6 +53,7 @@ __all__ = [
     "Coupling",
     "Displacement",
     "Follows",
+    "FollowsAxes",
     "Force",
     "FreeAxis",
     "HandOver",

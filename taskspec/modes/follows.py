@@ -7,11 +7,15 @@ move in step, else the one that is measured.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression
 from taskspec.geometry.axis import Axis
 from taskspec.modes.coupling import Coupling, UncoupledError
-from taskspec.modes.key import ModeKey
+from taskspec.modes.follows_axes import FollowsAxes
 from taskspec.modes.mode import (
     AxisMode,
     HandOver,
@@ -36,16 +40,16 @@ class Follows(AxisMode):
     follows: str
 
     name = "follows"
-    keys = (
-        ModeKey(
-            "follows",
-            "Mechanism",
-            mechanism=True,
-            description="Its geometry couples this axis to the others",
-            examples=("door",),
-        ),
-    )
+    keys = FollowsAxes.keys
     leads = False
+
+    @classmethod
+    def of_keys(cls, values: Mapping[str, Any], *, rotation: bool) -> AxisMode:
+        """The mode: an expression is one of other axes."""
+        followed = values["follows"]
+        if isinstance(followed, Expression):
+            return FollowsAxes(rotation, followed)
+        return cls(rotation, followed)
 
     def reference(self, at: ReferenceInputs) -> OwnReference:
         """r = r_0 + ratio times the leader's displacement or angle since the stage start.

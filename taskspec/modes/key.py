@@ -24,7 +24,7 @@ class ModeKey:
         scope: of an expression.
         ramped: whether the ends and the time of a linear ramp may stand for the expression.
         words: of which it is one.
-        mechanism: whether it is the name of a mechanism.
+        mechanism: whether the name of a mechanism may stand in the place of an expression.
         switch: whether it is true or false.
         above: a constant has to be greater than this.
         least: a constant has to be at least this.

@@ -52,6 +52,7 @@ class MovingReference(Protocol):
         value: r [m, rad].
         rate: r' [m/s, rad/s].
         acceleration: r'' [m/s^2, rad/s^2].
+        released: the part of r that stands for a force which the last stage held [m, rad].
     """
 
     @property
@@ -60,6 +61,16 @@ class MovingReference(Protocol):
     def rate(self) -> ca.SX: ...  # noqa: D102
     @property
     def acceleration(self) -> ca.SX: ...  # noqa: D102
+    @property
+    def released(self) -> ca.SX: ...  # noqa: D102
+
+
+class Translate(Protocol):
+    """Makes CasADi of an expression of the file."""
+
+    def __call__(  # noqa: D102
+        self, expression: Expression, coordinates: Mapping[str, ca.SX] = ..., /
+    ) -> ca.SX: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +90,7 @@ class ReferenceInputs:
         forces: set points of the stage's axes, as the robot applies them [N, N m].
         tracked: the mechanism that the stage keeps track of; None for none.
         others: references of the axes that are built before.
+        measured: coordinate of an axis as it is measured, with its rate.
         from_rest: time of the references that start from rest in a time of their own [s].
     """
 
@@ -87,14 +99,19 @@ class ReferenceInputs:
     clock: StageClock
     parameters: StageSlots
     memory: StageSlots
-    translate: Callable[[Expression], ca.SX]
+    translate: Translate
     period: float
     start: ca.SX
     on_path: Mapping[Axis, ca.SX]
     forces: Mapping[Axis, ca.SX]
     tracked: TrackedAngle | None
     others: Mapping[Axis, MovingReference]
+    measured: Callable[[Axis], MovingReference]
     from_rest: ca.SX
+
+    def leader(self, axis: Axis) -> MovingReference:
+        """What another axis follows of one: its reference, or without any what is measured."""
+        return self.others[axis] if self.plan.plans[axis].leads else self.measured(axis)
 
     def in_time(self, value: ca.SX) -> OwnReference:
         """A reference that is an expression of time, with its rates."""
@@ -274,6 +291,11 @@ class AxisMode(ABC):
     # What files may say
 
     @classmethod
+    def of_keys(cls, values: Mapping[str, Any], *, rotation: bool) -> AxisMode:
+        """The mode of the values of its keys in a file, None for a companion that is left out."""
+        return cls(rotation, **values)
+
+    @classmethod
     def misuse(cls, data: Mapping[str, Any], *, rotation: bool) -> Misuse | None:  # noqa: ARG003
         """What an axis of a file cannot mean, although each value for itself is right."""
         return None
@@ -315,6 +337,11 @@ class AxisMode(ABC):
             rate: its rate [m/s, rad/s].
         """
         return None
+
+    @property
+    def leaders(self) -> tuple[Axis, ...]:
+        """The axes of which its reference is an expression."""
+        return ()
 
     def coupling(self, stage: PlannedStage, axis: Axis) -> Coupling | None:  # noqa: ARG002
         """How a mechanism couples it to the other axes of a stage; None where none does.

@@ -75,7 +75,7 @@ def mode_given(entry: object, *, rotation: bool) -> AxisMode | None:
     for own, mode in MODES.items():
         if getattr(entry, own, None) is not None:
             values = {key.name: getattr(entry, key.name) for key in mode.keys}
-            return mode(rotation, **values)
+            return mode.of_keys(values, rotation=rotation)
     return None
 
 

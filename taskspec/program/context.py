@@ -72,6 +72,11 @@ class Context:
         return {name: gap for name, gap in self.start_gaps.items() if name != held}
 
     @property
+    def followed(self) -> int:
+        """How many joints have a reference in any stage: all where there is a path of joints."""
+        return self.robot.n if self.loaded.task.in_joints else 0
+
+    @property
     def held(self) -> str:
         """The mechanism whose handle the robot holds; empty for none."""
         name = (self.loaded.task.robot.grasp or "").removesuffix(".handle")

@@ -62,20 +62,28 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
-def fields(equations: int, gains: int = 0) -> Fields:
-    """The outputs of a task's stages.
+def fields(equations: int, followed: int = 0, gains: int = 0) -> Fields:
+    """The outputs of a task's stages; last are those of equations, joints and gains.
 
     Args:
-        equations: how many there are; each has its set point and its measurement.
-        gains: how many of any stage vary; they are last.
+        equations: how many there are. Each has a set point, a measurement, the distance of the
+            joints' references from it, and what its constraint cannot make of joint torques.
+        followed: joints that follow references in a stage; 0 where none has a path of joints.
+        gains: how many of any stage vary.
     """
-    reactions = (("reaction_ref", equations), ("reaction", equations))
-    return (*INTERNAL, *signals(), *reactions, *([("gain", gains)] if gains else []))
+    on_equations = ("reaction_ref", "reaction", "gap_ref", "reaction_residual")
+    return (
+        *INTERNAL,
+        *signals(),
+        *((name, equations) for name in on_equations),
+        ("joint_ref", followed),
+        *((("gain", gains),) if gains else ()),
+    )
 
 
-def fields_of(task: Task) -> Fields:
-    """The outputs of the stages of a task."""
-    return fields(len(task.equations), len(task.varying_gains))
+def fields_of(task: Task, joints: int) -> Fields:
+    """The outputs of the stages of a task, of an arm with some joints."""
+    return fields(len(task.equations), joints if task.in_joints else 0, len(task.varying_gains))
 
 
 #: Inputs of a stage when it is entered, in this order: name and length.

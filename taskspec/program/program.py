@@ -78,7 +78,7 @@ class Program:
     @property
     def output_size(self) -> int:
         """Length of a machine's `outputs`."""
-        return sum(length for _, length in fields_of(self.context.loaded.task))
+        return sum(n for _, n in fields_of(self.context.loaded.task, self.context.robot.n))
 
     def past(self, stage: str, limit: str) -> Program:
         """The same program, one stage of which goes on beyond the limits of a name."""

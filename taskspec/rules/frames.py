@@ -301,7 +301,9 @@ def _presses(stage: StagePlan) -> bool:
     there is an approach.
     """
     constrained = stage.spec.constraints.values()
-    if stage.contacts.gripped or any(stage.known(p.wanted) != 0 for p in constrained):
+    if stage.contacts.gripped or any(
+        stage.known(each) != 0 for point in constrained for each in point.expressions
+    ):
         return True
     if any(stage.set_points.of(axis) != 0 for axis in stage.contacts.forces):
         return True

@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.expression.tree import Name, walk
 from taskspec.program.axes import MOSTLY
 from taskspec.program.plan import StagePlan
 from taskspec.program.world.equations import EquationModel
@@ -86,7 +85,7 @@ def motions_off_an_equation(stage: StagePlan) -> Iterator[Finding]:
     ]
     for equation, model in equations.items():
         finding = None
-        if not (model.joints or _moves(model)):
+        if not (model.joints or model.moves):
             finding = _off(stage, equation, model, way, free)
         if finding is not None:
             yield finding
@@ -134,9 +133,3 @@ def _way(stage: StagePlan) -> list[tuple[float, Vector]]:
     """Times [s] and places of the tip (3,) on the planned way of a stiff motion; else none."""
     stiff = stage.law.control_law.selects and stage.spec.until is None
     return stage.nominal.way() if stiff else []
-
-
-def _moves(model: EquationModel) -> bool:
-    """Whether an equation changes with time."""
-    nodes = walk(model.constraint.residual.tree)
-    return any(isinstance(n, Name) and n.path == ("clock",) for n in nodes)

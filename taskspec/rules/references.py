@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from taskspec.expression import Expression
 from taskspec.expression.tree import Name, walk
-from taskspec.geometry.axis import AXES, Axis
+from taskspec.geometry.axis import AXES
 from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.context import Context
 from taskspec.program.known_value import known_value
 from taskspec.program.plan import StagePlan, TaskPlan
+from taskspec.program.reference.joint_motion import JointMotion
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE, KeyPath
 from taskspec.text.diagnostic import Severity
-from taskspec.text.units import LENGTH, TIME, show
+from taskspec.text.units import ANGLE, LENGTH, TIME, Dimension, show
 
 Vector = NDArray[np.float64]
 
@@ -40,16 +41,18 @@ _NOWHERE = 1e-12
 @rule({}, also=("TS117",), phase=Phase.AXES)
 def references_without_start(stage: StagePlan) -> Iterator[Finding]:
     """References that have no finite value when their stage begins."""
-    for axis in stage.spec.axes.values():
-        for expression, _ in axis.expressions():
-            value = known_value(stage.context, expression, {"t": 0.0, "clock": 0.0})
-            if value is not None and not math.isfinite(value):
-                yield error(
-                    "TS117",
-                    "this has no finite value at t = 0 s",
-                    expression.span,
-                    "mind what divides, and what stands under a root or in a logarithm",
-                )
+    expressions = [each for axis in stage.spec.axes.values() for each, _ in axis.expressions()]
+    if stage.spec.path is not None:
+        expressions += stage.spec.path.joint_motion
+    for expression in expressions:
+        value = known_value(stage.context, expression, {"t": 0.0, "clock": 0.0})
+        if value is not None and not math.isfinite(value):
+            yield error(
+                "TS117",
+                "this has no finite value at t = 0 s",
+                expression.span,
+                "mind what divides, and what stands under a root or in a logarithm",
+            )
 
 
 @rule("TS423", "a position that jumps", also=("TS117",), phase=Phase.AXES)
@@ -60,13 +63,14 @@ def references_over_time(stage: StagePlan) -> Iterator[Finding]:
     as the stage begins is reported as such.
     """
     context = stage.context
-    end = stage.longest
+    motion = stage.joint_path if isinstance(stage.joint_path, JointMotion) else None
+    end = stage.longest if motion is None else min(stage.longest, motion.time)
     if not math.isfinite(end):
         return
     times = _ticks(context, end)
     first = stage.name == next(iter(context.loaded.task.stages))
     clocks = {"t", "clock"} if first else {"t"}
-    for axis, expression, planned in _references(stage):
+    for place, expression, planned in _references(stage):
         values = _values(context, expression, planned, clocks, times)
         if values is None or not np.isfinite(values[0, 0]):
             continue
@@ -74,8 +78,8 @@ def references_over_time(stage: StagePlan) -> Iterator[Finding]:
         if len(wrong):
             surely = stage.spec.until is None
             yield _undefined(expression, values, times, int(wrong[0]), surely=surely)
-        elif axis is not None and planned:
-            yield from _jumps(axis, expression, values[0], times)
+        elif place is not None and planned:
+            yield from _jumps(place, expression, values[0], times)
 
 
 @rule({}, also=("TS117",), phase=Phase.TASK)
@@ -173,15 +177,21 @@ def _ticks(context: Context, end: float) -> Vector:
     return np.arange(0.0, ticks, max(1, ticks // _MOST)) * float(context.period)
 
 
-def _references(stage: StagePlan) -> Iterator[tuple[Axis | None, Expression, bool]]:
-    """Axis if it is one's, expression, and whether it is a position, which is differentiated."""
+def _references(stage: StagePlan) -> Iterator[tuple[Dimension | None, Expression, bool]]:
+    """What a place measures there, expression, and whether it is a position, which has rates."""
     for axis, entry in stage.spec.axes.items():
         if axis not in stage.axes:
             continue
         for expression, planned in entry.expressions():
-            yield axis, expression, planned
+            yield axis.of(LENGTH), expression, planned
+    if isinstance(stage.joint_path, JointMotion):
+        for expression, turns in zip(
+            stage.joint_path.positions, stage.joint_path.turns, strict=True
+        ):
+            yield LENGTH.on(rotation=turns), expression, True
     for constraint in stage.spec.constraints.values():
-        yield None, constraint.wanted, False
+        for expression in constraint.expressions:
+            yield None, expression, False
 
 
 def _values(
@@ -225,21 +235,23 @@ def _undefined(
     )
 
 
-def _jumps(axis: Axis, expression: Expression, values: Vector, times: Vector) -> Iterator[Finding]:
+def _jumps(
+    place: Dimension, expression: Expression, values: Vector, times: Vector
+) -> Iterator[Finding]:
     """The first step of a position that is far from those beside it."""
     steps = np.abs(np.diff(values))
     near = np.zeros_like(steps)
     for k in _NEAR:
         near[k:] = np.maximum(near[k:], steps[:-k])
         near[:-k] = np.maximum(near[:-k], steps[k:])
-    least = _JUMP["angular" if axis.is_rotation else "linear"]
+    least = _JUMP["angular" if place == ANGLE else "linear"]
     jumps = np.flatnonzero((steps > least) & (steps > _TIMES * near))
     if len(jumps) == 0:
         return
     k = int(jumps[0])
     yield warning(
         "TS423",
-        f"this jumps by {show(float(steps[k]), axis.of(LENGTH), 3)} at "
+        f"this jumps by {show(float(steps[k]), place, 3)} at "
         f"t = {show(float(times[k + 1]), TIME, 4)}: the arm cannot follow, and the controller "
         "answers with all it has",
         expression.span,

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import on_axis
 from taskspec.program.axes import MOSTLY
-from taskspec.program.known_value import known_value
 from taskspec.program.limits.consistency import SET_POINT_SHARE
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, Phase, rule, warning
-from taskspec.spec import FILE, KeyPath
+from taskspec.spec import FILE, KeyPath, SetPoint
 from taskspec.statics.rows import shares_of
 from taskspec.text.units import FORCE, in_si, show
 
@@ -138,7 +139,20 @@ def in_the_air(stage: StagePlan) -> Iterator[tuple[Axis, float, float]]:
 def _on_equations(stage: StagePlan) -> Iterator[tuple[str, float, KeyPath]]:
     """Equations with a constant set point, its value [N, N m], and where it stands."""
     for equation, entry in stage.spec.constraints.items():
-        value = known_value(stage.context, entry.wanted)
+        value = _multiplier(stage, equation, entry)
         if value is not None:
             key = "torque" if stage.context.equations[equation].joints else "force"
+            key = key if entry.generalised is None else "generalised"
             yield equation, value, FILE.stages[stage.name].constraints[equation][key]
+
+
+def _multiplier(stage: StagePlan, equation: str, point: SetPoint) -> float | None:
+    """A constant set point along a unit gradient [N, N m]; of joint torques that at the start."""
+    if point.wanted is not None:
+        return stage.known(point.wanted)
+    values = [stage.known(each) for each in point.expressions]
+    torques = np.array([value for value in values if value is not None])
+    normal = stage.context.start_equations[equation].normal
+    if len(torques) != len(normal):
+        return None
+    return float(normal @ torques / (normal @ normal))

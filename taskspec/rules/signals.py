@@ -92,14 +92,15 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
         elsewhere = _not_elsewhere(stage.context, node)
         if elsewhere is not None:
             return elsewhere
-    if path[0] == "gap" and len(path) == 1:
-        return _no_gap(stage)
-    if path[0] == "path_done" and stage.spec.path is None:
-        return f"stage {stage.name!r} has no path"
+    if len(path) == 1:
+        return _no_single(stage, path[0])
     if path[0] == Index.GAIN and len(path) > 2:
         return _no_gain(stage, ".".join(path[1:-1]), path[-1])
     if path[0] == "joint" and int(path[1]) > robot.n:
         return f"{robot.name!r} has {robot.n} joints"
+    if path[0] in stage.context.equations and path[1] == "residual":
+        given = path[0] in stage.spec.generalised
+        return None if given else f"stage {stage.name!r} gives {path[0]!r} no joint torques"
     if path[0] not in VECTORS or len(path) != 2 or inside_norm:
         return None
     axis = as_axis(path[1])
@@ -117,6 +118,9 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
 
 def _no_reference(stage: StagePlan, path: tuple[str, ...]) -> str | None:
     """Why a signal that a stage has is referred to nothing there, None if it is."""
+    if path[0] == "joint" or path[1] == "gap":
+        given = stage.joint_path is not None
+        return None if given else f"no path of joints is followed in stage {stage.name!r}"
     if path[0] in stage.context.equations:
         given = path[0] in stage.spec.constraints
         return None if given else f"stage {stage.name!r} has no set point of {path[0]!r}"
@@ -139,6 +143,13 @@ def _no_references(stage: StagePlan, path: tuple[str, ...]) -> str | None:
         return None
     what = f"set point of a {path[0]}" if path[0] == vector.bare[0].effort else "motion"
     return f"no axis has a {what} here"
+
+
+def _no_single(stage: StagePlan, name: str) -> str | None:
+    """Why a stage has no signal of a single word, None if it has it."""
+    if name == "path_done" and stage.spec.path is None:
+        return f"stage {stage.name!r} has no path"
+    return _no_gap(stage) if name == "gap" else None
 
 
 def _no_gain(stage: StagePlan, name: str, on: str) -> str | None:

@@ -548,6 +548,8 @@ def resolved(analysed: SampledStage, task: Task) -> bool:
     context = analysed.context
     for name in analysed.pressed:
         nominal, true = context.compliances[name], getattr(task.world[name], "stiffness", 0.0)
+        if nominal.exact:
+            continue
         k = nominal.stiffness if true == "rigid" else float(true)
         if nominal.phase * math.sqrt(k / nominal.stiffness) > RESOLVED_PHASE:
             return False

@@ -200,9 +200,9 @@ def _limited(at: Situation) -> ca.SX:
     return at.limited
 
 
-@signal("position", ANGLE, of=Index.JOINT)
+@signal("position", ANGLE, of=Index.JOINT, beside=(REFERENCE,))
 def _joint_position(at: Situation, number: str) -> ca.SX:
-    """Position of joint N, counted from 1."""
+    """Position of joint N, counted from 1; `.ref` on a path of `joints`."""
     return at.q[int(number) - 1]
 
 
@@ -263,13 +263,23 @@ _gain("force.integral", FREQUENCY, "integral gain of a force loop, where it vari
 
 @signal(
     "gap",
-    of={"shape": LENGTH, "equation": LENGTH, "joint equation": ANGLE},
-    meanings={
-        "shape": "signed distance of the tool's shape from it",
-        "equation": "distance of the tip along the unit gradient, left minus right over its "
-        "gradient",
-        "joint equation": "the same in joint space",
+    of={
+        "equation": LENGTH,
+        "joint equation": ANGLE,
+        "exact equation": LENGTH,
+        "exact joint equation": ANGLE,
     },
+    meanings={
+        "equation": "distance of the tip along the unit gradient, left minus right over its "
+        "gradient; `.ref` is that of the joints' references",
+        "joint equation": "the same in joint space",
+        "exact equation": "its drift, as of an `equation`",
+        "exact joint equation": "its drift, as of a `joint equation`",
+    },
+    beside=(REFERENCE,),
+)
+@signal(
+    "gap", of={"shape": LENGTH}, meanings={"shape": "signed distance of the tool's shape from it"}
 )
 def _object_gap(at: Situation, name: str) -> ca.SX | None:
     return at.objects[name].distance
@@ -303,15 +313,32 @@ def _object_force(at: Situation, name: str) -> ca.SX | None:
 
 @signal(
     "force",
-    of={"equation": FORCE},
-    meanings={"equation": "what the robot applies along the unit gradient"},
+    of={"equation": FORCE, "exact equation": FORCE},
+    meanings={
+        "equation": "what the robot applies along the unit gradient",
+        "exact equation": "as of an `equation`",
+    },
     beside=(REFERENCE, MEASURED),
 )
 @signal(
     "torque",
-    of={"joint equation": MOMENT},
-    meanings={"joint equation": "the same in joint space"},
+    of={"joint equation": MOMENT, "exact joint equation": MOMENT},
+    meanings={
+        "joint equation": "the same in joint space",
+        "exact joint equation": "as of a `joint equation`",
+    },
     beside=(REFERENCE, MEASURED),
+)
+@signal(
+    "lambda",
+    of={"exact equation": FORCE, "exact joint equation": MOMENT},
+    meanings={
+        "exact equation": "the multiplier of (4.77) along the unit gradient, with the sign of "
+        "`force`, of which it is the true value",
+        "exact joint equation": "the same in joint space, with the sign of `torque`",
+    },
+    unmeasured="the robot does not know a multiplier; what it measures of it is the force or "
+    "torque of the equation",
 )
 @signal(
     "force",
@@ -328,3 +355,20 @@ def _object_force(at: Situation, name: str) -> ca.SX | None:
 )
 def _object_effort(at: Situation, name: str) -> ca.SX | None:
     return at.objects[name].effort
+
+
+@signal(
+    "residual",
+    of=dict.fromkeys(("equation", "joint equation"), MOMENT),
+    meanings={
+        "equation": "what its constraint cannot make of its `generalised` set point: "
+        "the length of u_φ,d − J_φᵀ λ_d",
+        "joint equation": "the same",
+    },
+    low=0.0,
+    output="reaction_residual",
+    unmeasured="it says how a set point fits its constraint, which nothing measured changes; judge "
+    "it in 'expect'",
+)
+def _object_residual(at: Situation, name: str) -> None:
+    """Joint torques that no force of the constraint makes."""

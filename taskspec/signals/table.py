@@ -61,6 +61,8 @@ class Signal:
             what the log has: the measured wrench, or where objects nominally are.
         beside: what the log has beside it: its reference, its measurement.
         group: the vector of six numbers that its axes are a part of.
+        output: the controller's outputs that the log takes it from, where these have one for each
+            member.
         counted: whether it takes whole numbers, which a value can meet exactly.
         reference: why no reference may use it, empty if one may.
         unmeasured: why neither references nor guards may use it, empty if they may.
@@ -81,6 +83,7 @@ class Signal:
     sensed: str = ""
     beside: tuple[str, ...] = ()
     group: str = ""
+    output: str = ""
     counted: bool = False
     reference: str = ""
     unmeasured: str = ""

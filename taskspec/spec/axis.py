@@ -24,7 +24,8 @@ from taskspec.modes import (
     mode_given,
 )
 from taskspec.motion.paths import all_paths
-from taskspec.spec.fields import ContactName, MechanismName
+from taskspec.spec.fields import ContactName
+from taskspec.spec.followed import Followed
 from taskspec.spec.linear_ramp import RampedFormula
 from taskspec.spec.model import Model, complete, short_form
 from taskspec.spec.parse_context import ParseContext
@@ -75,11 +76,11 @@ def _type_of(key: ModeKey, *, rotation: bool) -> Any:
     """What a field for a key holds."""
     if key.words:
         return Annotated[str, Word(key.words, key.name)]
-    if key.mechanism:
-        return MechanismName
     if key.switch:
         return Annotated[bool, Switch()]
     dimension = key.dimension.on(rotation=rotation)
+    if key.mechanism and key.scope is not None:
+        return Annotated[str | Expression, Followed(Formula(dimension, key.scope))]
     if key.scope is not None:
         formula = RampedFormula if key.ramped else Formula
         return Annotated[Expression, formula(dimension, key.scope)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -13,7 +13,7 @@ from taskspec.expression.scope import coordinate
 from taskspec.expression.tree import Binary, Equation, Name, walk
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
-from taskspec.spec.fields import FrameName
+from taskspec.spec.fields import EXACT, FrameName
 from taskspec.spec.model import Model
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.quantities import Constant
@@ -27,7 +27,12 @@ from taskspec.text.units import (
     STIFFNESS,
 )
 
-register({"TS310": "an equation that is no constraint"})
+register(
+    {
+        "TS310": "an equation that is no constraint",
+        "TS340": "an equation that cannot be exact",
+    }
+)
 
 Relation = Literal["=", "<=", ">="]
 
@@ -114,34 +119,60 @@ class EquationObject(Model):
     Attributes:
         equation: its two sides.
         frame: in which x, y and z count; None for the world.
-        stiffness: along the unit gradient [N/m]; of an equation on joints [N*m/rad].
+        stiffness: along the unit gradient [N/m], of an equation on joints [N*m/rad]; `rigid`: the
+            stiffest spring that a step of the plant resolves; `exact`: no spring, but a multiplier.
         damping: along the unit gradient [N*s/m]; of an equation on joints [N*m*s/rad]. None for
             0.1 * 2 * sqrt(stiffness * 1 kg), or with 0.05 kg*m^2 on joints.
     """
 
     noun = "an equation"
     example = 'rim: {equation: "x^2 + y^2 = (300 mm)^2"}'
+    advice: ClassVar = dict.fromkeys(
+        ("rigid", "exact"), "write stiffness: exact, or stiffness: rigid for the stiffest spring"
+    )
 
     equation: Annotated[Constraint, Sides()] = Field(title="Equation")
     frame: FrameName | None = Field(None, title="Frame in which x, y, z count")
     stiffness: Annotated[
-        float | Literal["rigid"], Constant(STIFFNESS, above=0, words=("rigid",))
+        float | Literal["rigid", "exact"], Constant(STIFFNESS, above=0, words=("rigid", "exact"))
     ] = Field(20e3, title="Stiffness along the unit gradient")
     damping: Annotated[float, Constant(DAMPING, least=0)] | None = Field(
         None, title="Damping along the unit gradient"
     )
 
     @property
+    def exact(self) -> bool:
+        """Whether it holds exactly, by a multiplier, and not by a spring."""
+        return self.stiffness == "exact"
+
+    @property
     def kind(self) -> str:
         """The kind of its signals."""
-        return "joint equation" if self.equation.joints else "equation"
+        kind = "joint equation" if self.equation.joints else "equation"
+        return EXACT + kind if self.exact else kind
+
+    @classmethod
+    def rules(cls, data: Map, context: ParseContext) -> None:
+        """Reports what an exact equation does not have: a side to leave to, damping."""
+        if data.get("stiffness") != "exact":
+            return
+        relation = _relation(data.get("equation"))
+        if relation not in ("", "="):
+            message = f"an equation with {relation!r} lets go on one side: it cannot be exact"
+            hint = "write = for what holds both ways, or stiffness: rigid for a surface"
+            context.error("TS340", message, span_of(data["equation"]), hint)
+        if "damping" in data:
+            message = "an exact equation has no damping: nothing moves along its gradient"
+            hint = "leave it out, or write stiffness: rigid"
+            context.error("TS340", message, data.node.key_span("damping"), hint)
 
 
 class JointEquation(EquationObject):
     """A constraint on joints."""
 
     stiffness: Annotated[
-        float | Literal["rigid"], Constant(ANGULAR_STIFFNESS, above=0, words=("rigid",))
+        float | Literal["rigid", "exact"],
+        Constant(ANGULAR_STIFFNESS, above=0, words=("rigid", "exact")),
     ] = Field(2e3, title="Stiffness along the unit gradient")
     damping: Annotated[float, Constant(ANGULAR_DAMPING, least=0)] | None = Field(
         None, title="Damping along the unit gradient"
@@ -149,7 +180,8 @@ class JointEquation(EquationObject):
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Reports a frame, which joints do not have."""
+        """Reports a frame, which joints do not have, and what an exact equation does not."""
+        super().rules(data, context)
         if "frame" in data and not _mixed(data.get("equation")):
             message = "an equation on joints has no 'frame'"
             context.error("TS310", message, data.node.key_span("frame"), "leave it out")
@@ -167,8 +199,20 @@ def _mixed(text: object) -> bool:
     return residual is not None and bool(_coordinates(residual))
 
 
+def _relation(text: object) -> str:
+    """The relation of a raw text; empty where it is no equation."""
+    sides = _sides(text)
+    return "" if sides is None else sides.op
+
+
 def _residual(text: object) -> Binary | None:
     """Left minus right of a raw text; None where it is no equation."""
+    sides = _sides(text)
+    return None if sides is None else Binary("-", sides.left, sides.right)
+
+
+def _sides(text: object) -> Equation | None:
+    """Both sides of a raw text; None where it is no equation."""
     if not isinstance(text, Text):
         return None
     try:
@@ -176,4 +220,4 @@ def _residual(text: object) -> Binary | None:
     except ExpressionError:
         return None
     assert isinstance(node, Equation)
-    return Binary("-", node.left, node.right)
+    return node

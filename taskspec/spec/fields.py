@@ -16,13 +16,20 @@ register({"TS123": "an unknown object"})
 MECHANISMS = ("hinge", "slide", "screw")
 """Kinds of objects that the robot moves by a handle."""
 
+EXACT = "exact "
+"""Begins the kind of an equation that holds exactly."""
+SPRUNG = ("equation", "joint equation")
+"""Kinds of equations that a spring keeps."""
+EQUATIONS = (*SPRUNG, *(EXACT + kind for kind in SPRUNG))
+"""Kinds of constraint equations."""
+
 XYZ = Annotated[tuple[float, float, float], Entries((LENGTH,) * 3)]
 RPY = Annotated[tuple[float, float, float], Entries((ANGLE,) * 3)]
 
 
 def _other_than_a_frame(name: str, context: ParseContext) -> str:
     """What to write instead of the name of an object that is no frame."""
-    if name in context.of_kind("equation", "joint equation"):
+    if name in context.of_kind(*EQUATIONS):
         return f"{name!r} is an equation, which has no axes; name a frame"
     return ""
 
@@ -60,13 +67,11 @@ def _surface_name(instead: Callable[[str, ParseContext], str]) -> NameReference:
 
 SurfaceName = Annotated[str, _surface_name(_other_than_a_surface)]
 ContactName = Annotated[str, _surface_name(_other_than_a_contact)]
-MechanismName = Annotated[
-    str,
-    NameReference(
-        lambda r: r.of_kind(*MECHANISMS),
-        "mechanism",
-        "TS123",
-        unfit="'{}' is no mechanism",
-    ),
-]
+MECHANISM_NAME = NameReference(
+    lambda r: r.of_kind(*MECHANISMS),
+    "mechanism",
+    "TS123",
+    unfit="'{}' is no mechanism",
+)
+MechanismName = Annotated[str, MECHANISM_NAME]
 ObjectName = Annotated[str, NameReference(lambda r: r.objects, "object", "TS123")]

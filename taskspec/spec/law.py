@@ -269,6 +269,21 @@ class Law(Model):
         given = self.given(Axis.RX if joints else Axis.X, worth)
         return self.control_law.design_equation(AxisDesign(plant, given, rotation=joints))
 
+    def design_joint(self, plant: AxisPlant, *, turns: bool, worth: Worth) -> dict[str, Gain]:
+        """The gains of the motion of one joint on a path of joints.
+
+        It takes what is given for rotations where it turns, and for translations where it slides;
+        what is given for the others alone where nothing is given for these.
+
+        Args:
+            plant: inertia of the joint.
+            turns: whether it is a hinge.
+            worth: values of the expressions by which gains vary.
+        """
+        linear, angular = self.given(Axis.X, worth), self.given(Axis.RX, worth)
+        given = linear | angular if turns else angular | linear
+        return self.control_law.design(AxisDesign(plant, given, rotation=turns))
+
     def design_joints(self, joints: Sequence[AxisPlant]) -> dict[str, Gain]:
         """The damping of each joint [N m s/rad], by `joint.N`.
 

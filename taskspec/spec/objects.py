@@ -9,7 +9,7 @@ from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from taskspec.spec.equation import EquationObject, JointEquation, kind_of_text
-from taskspec.spec.fields import MECHANISMS
+from taskspec.spec.fields import EXACT, MECHANISMS
 from taskspec.spec.mechanism import OF_KIND, Hinge, Mechanism, Screw, Slide
 from taskspec.spec.model import Model, mapping
 from taskspec.spec.world import Shape
@@ -31,7 +31,8 @@ def kind_of_object(data: object) -> str:
     if not isinstance(data, Map):
         return "shape"
     if "equation" in data:
-        return kind_of_text(data["equation"])
+        exact = EXACT if data.get("stiffness") == "exact" else ""
+        return exact + kind_of_text(data["equation"])
     if "mechanism" in data:
         kind = data["mechanism"]
         return str(kind) if isinstance(kind, str) and kind in MECHANISMS else "hinge"
@@ -59,7 +60,7 @@ class ByKind:
 def _tag(value: Any) -> str:
     if isinstance(value, BaseModel):
         return next(kind for kind, model in MODELS.items() if type(value) is model)
-    return kind_of_object(value)
+    return kind_of_object(value).removeprefix(EXACT)
 
 
 def kinds_of(world: object) -> dict[str, str]:

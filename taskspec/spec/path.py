@@ -14,7 +14,7 @@ from taskspec.expression.tree import Name, walk
 from taskspec.motion.paths import PathForm, PathKey, all_paths
 from taskspec.spec import values
 from taskspec.spec.alias import Diameter
-from taskspec.spec.joint_targets import JointTargets
+from taskspec.spec.joint_targets import JointTargets, goes_by_time
 from taskspec.spec.model import Model, complete
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, Entries, Formula, QuantityList, QuantityLists
@@ -149,7 +149,8 @@ class Path(_Curve):
     The keys of the kinds of paths are attributes too; None for those that are left out.
 
     Attributes:
-        joints: of a path in joint space, the joint positions that it leads to [rad or m].
+        joints: of a path in joint space, the joint positions that it leads to [rad or m]; or one
+            expression of time for each joint.
         speed: along the path [m/s]; an expression where signals slow it.
         joint_speed: what a file calls the `speed` of a path of joints [rad/s].
         time: for the whole path [s].
@@ -161,13 +162,26 @@ class Path(_Curve):
     speed: Annotated[float | Expression, Pace(VELOCITY, ScopeKind.REFERENCE)] | None = Field(
         None, title="Speed"
     )
-    joints: Annotated[tuple[tuple[float, ...], ...], JointTargets()] | None = Field(
+    joints: (
+        Annotated[tuple[tuple[float, ...], ...] | tuple[Expression, ...], JointTargets()] | None
+    ) = Field(
         None,
         title="Joint positions",
-        description="One for each joint; or a list of such lists, gone through with a rest in each",
+        description="One for each joint; or a list of such lists, gone through with a rest in "
+        "each; or expressions of t, one for each joint",
     )
     joint_speed: SkipJsonSchema[Annotated[float, Constant(ANGULAR_VELOCITY, above=0)] | None] = None
     time: Annotated[float, Constant(TIME, above=0)] | None = Field(None, title="Duration")
+
+    @property
+    def joint_targets(self) -> tuple[tuple[float, ...], ...]:
+        """The joint positions that it leads to; empty where it leads to none."""
+        return tuple(each for each in self.joints or () if isinstance(each, tuple))
+
+    @property
+    def joint_motion(self) -> tuple[Expression, ...]:
+        """The joint positions as expressions of time; empty where they are not."""
+        return tuple(each for each in self.joints or () if isinstance(each, Expression))
 
     @property
     def slowed(self) -> Expression | None:
@@ -210,9 +224,15 @@ class Path(_Curve):
         if len(forms) > 1:
             context.error("TS606", f"'{forms[0]}' and '{forms[1]}' in one path",
                           data.node.key_span(forms[1]), "make two stages of it")  # fmt: skip
-        if data.keys() & {"speed", "joint_speed"} and "time" in data:
+        by_time = goes_by_time(data.get("joints"))
+        if by_time and "joint_speed" in data:
+            context.error("TS606", "a 'speed' of joints that go by time",
+                          data.node.key_span("speed"),
+                          "say how long the expressions are followed: time: 4 s")  # fmt: skip
+        elif data.keys() & {"speed", "joint_speed"} and "time" in data:
             context.error("TS606", "'speed' and 'time' in one path", data.node.key_span("time"),
                           "keep one of the two")  # fmt: skip
         elif forms and "file" not in forms and not data.keys() & _PACE and complete(data, context):
-            context.error("TS606", "a path needs a 'speed' or a 'time'",
-                          data.node.key_span(forms[0]), _EXAMPLE[forms[0] == "joints"])  # fmt: skip
+            needs = "a 'time'" if by_time else "a 'speed' or a 'time'"
+            example = "such as time: 4 s" if by_time else _EXAMPLE[forms[0] == "joints"]
+            context.error("TS606", f"a path needs {needs}", data.node.key_span(forms[0]), example)

@@ -14,6 +14,7 @@ from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Real, Text, Whole
+from taskspec.text.suggest import suggestion
 from taskspec.text.traps import adjoin
 from taskspec.text.units import (
     NUMBER,
@@ -54,6 +55,13 @@ class Constant(FieldType):
         """SI units, or one of the words."""
         if isinstance(value, Text) and str(value) in self.words:
             return str(value)
+        if isinstance(value, Text) and self.words and value.isidentifier():
+            params = context.scope(ScopeKind.CONSTANT).params
+            if value not in params:
+                near = suggestion(value, (*params, *self.words))
+                hint = near or f"a quantity with its unit, or {alternatives(self.words)}"
+                context.error("TS120", f"unknown name {str(value)!r}", span_of(value), hint)
+                return 0.0
         result = values.constant(value, self.dimension, context)
         if result is None:
             return 0.0

@@ -10,6 +10,8 @@ from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression, ScopeKind
 from taskspec.spec.axis import Ramp
 from taskspec.spec.field_type import FieldType
+from taskspec.spec.fields import EQUATIONS
+from taskspec.spec.joint_expressions import JointExpressions
 from taskspec.spec.linear_ramp import RampedFormula
 from taskspec.spec.model import Model, complete, field_types
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
@@ -25,6 +27,8 @@ class SetPoint(Model):
     Attributes:
         force: of an equation on the tool tip [N].
         torque: of an equation on joints [N*m].
+        generalised: instead of either, the joint torques u_phi,d that stand for it, one for each
+            joint [N*m; N of a slide], (4.101).
         ramp: time in which it is reached [s]; None for the default.
     """
 
@@ -37,16 +41,30 @@ class SetPoint(Model):
     torque: Annotated[Expression, RampedFormula(MOMENT, ScopeKind.REFERENCE)] | None = Field(
         None, title="Moment", description="Along the unit gradient in joint space"
     )
+    generalised: (
+        Annotated[tuple[Expression, ...], JointExpressions(MOMENT, FORCE, ScopeKind.REFERENCE)]
+        | None
+    ) = Field(
+        None,
+        title="Joint torques",
+        description="One for each joint, as the robot applies them through the constraint",
+    )
     ramp: Ramp | None = Field(None, title="Time in which it is reached")
 
     @property
-    def wanted(self) -> Expression:
-        """The set point, whichever it is."""
-        wanted = self.force if self.force is not None else self.torque
-        assert wanted is not None
-        return wanted
+    def wanted(self) -> Expression | None:
+        """The set point along the unit gradient; None where it is given as joint torques."""
+        return self.force if self.force is not None else self.torque
+
+    @property
+    def expressions(self) -> tuple[Expression, ...]:
+        """What it is made of, whichever form it has."""
+        wanted = self.wanted
+        return self.generalised or () if wanted is None else (wanted,)
 
 
+#: The key of a set point in joint torques.
+_JOINTS = "generalised"
 _AXIS = "to press on it, give an axis of the stage's frame a force: axes: {z: {force: -10 N}}"
 
 
@@ -61,11 +79,13 @@ class SetPoints(FieldType):
             context.error("TS022", message, span_of(value), "such as {rim: {force: 20 N}}")
             return {}
         found = {}
-        known = context.of_kind("equation", "joint equation")
+        known = context.of_kind(*EQUATIONS)
         for name, entry in value.items():
             if name not in known:
                 span = value.node.key_span(name)
                 hint = _AXIS if name in context.objects else suggestion(name, known, "equations")
+                if name in SetPoint.model_fields:
+                    hint = f"it stands under its equation, such as {{rim: {{{name}: ..}}}}"
                 context.error("TS123", f"'{name}' is no equation", span, hint)
                 continue
             self._check(name, entry, context)
@@ -76,16 +96,19 @@ class SetPoints(FieldType):
         """Requires the one quantity that fits the equation."""
         if not isinstance(entry, Map):
             return
-        on_joints = context.objects[name] == "joint equation"
+        on_joints = context.objects[name].endswith("joint equation")
         right, wrong = ("torque", "force") if on_joints else ("force", "torque")
         if wrong in entry:
             where = "joints" if on_joints else "the tool tip"
             message = f"a {wrong} on an equation of {where}"
             context.error("TS205", message, entry.node.key_span(wrong), f"write '{right}'")
-        elif right not in entry and complete(entry, context):
+        elif right in entry and _JOINTS in entry:
+            message = f"a '{right}' beside '{_JOINTS}', which says what it is"
+            context.error("TS026", message, entry.node.key_span(_JOINTS), "keep one of the two")
+        elif entry.keys() <= {"ramp"} and complete(entry, context):
             message = f"a set point needs a '{right}'"
             unit = fitting(FORCE.on(rotation=on_joints))[0]
-            hint = f"such as {{{right}: 20 {unit}}}"
+            hint = f"such as {{{right}: 20 {unit}}}, or joint torques: {{{_JOINTS}: [1 N*m, 0]}}"
             context.error("TS021", message, pointer(entry.node), hint)
 
     def json(self) -> dict[str, Any]:
@@ -93,7 +116,8 @@ class SetPoints(FieldType):
         entry = {
             "type": "object",
             "title": "Set point",
-            "description": "A force of an equation on the tip, a torque of one on joints",
+            "description": "A force of an equation on the tip, a torque of one on joints, or the "
+            "joint torques of either",
             "additionalProperties": False,
             "properties": {
                 key: next(each.json() for each in field_types(field) if isinstance(each, FieldType))
@@ -103,6 +127,10 @@ class SetPoints(FieldType):
                 }
                 for key, field in SetPoint.model_fields.items()
             },
-            "examples": [{"force": "20 N"}, {"torque": "2 N*m", "ramp": "0.5 s"}],
+            "examples": [
+                {"force": "20 N"},
+                {"torque": "2 N*m", "ramp": "0.5 s"},
+                {"generalised": ["1 N*m", "1 N*m"]},
+            ],
         }
         return {"type": "object", "additionalProperties": entry}

@@ -245,6 +245,11 @@ class Stage(Model):
 
     allow: Annotated[tuple[str, ...], _ALLOWED] = Field((), title="Faults that a run may have")
 
+    @property
+    def generalised(self) -> tuple[str, ...]:
+        """The equations whose set points are given as joint torques."""
+        return tuple(n for n, point in self.constraints.items() if point.generalised is not None)
+
     def targets(self, following: str) -> tuple[str, ...]:
         """Where it may lead when it ends well, the default last.
 
@@ -295,19 +300,22 @@ def _check_end(data: Map, context: ParseContext) -> None:
 
 
 def _check_joints(data: Map, context: ParseContext) -> None:
-    """A path of joints decides about the whole arm, by a law of its own."""
+    """A path of joints decides about the whole arm, by a law of its own or one with multipliers."""
     if "joints" not in mapping(data.get("path")):
         return
     for key, hint in _NOT_WITH_JOINTS.items():
-        if key in data:
+        law = law_of(data.get("law", context.data.get("law")))
+        of_multipliers = key != "axes" and law is not None and LAWS[law].multipliers
+        if key in data and not of_multipliers:
             message = f"'{key}' in a stage whose path is one of joints"
             context.error("TS026", message, data.node.key_span(key), hint)
 
 
+_HAVING = " or ".join(name for name, facts in LAWS.items() if facts.multipliers)
 _NOT_WITH_JOINTS = {
     "axes": "all joints are on the path, and none is left to an axis: make two stages of it",
-    "law": "it is followed by inverse dynamics in joint space: leave the law out",
-    "constraints": "no force is controlled on it: make two stages of it",
+    "law": "it is followed by inverse dynamics in joint space: leave the law out, or take "
+    f"{_HAVING} for a path on constraints",
 }
 
 

@@ -136,6 +136,11 @@ class Task(Model):
         return equations(self.world)
 
     @property
+    def in_joints(self) -> bool:
+        """Whether a stage has a path of joints."""
+        return any(s.path is not None and s.path.joints is not None for s in self.stages.values())
+
+    @property
     def mechanisms(self) -> dict[str, Mechanism]:
         """Mechanisms with a handle."""
         return mechanisms(self.world)

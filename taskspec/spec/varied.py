@@ -9,6 +9,7 @@ from typing import get_args
 from pydantic.fields import FieldInfo
 
 from taskspec.deferred_methods import dataclass
+from taskspec.spec.fields import EXACT, SPRUNG
 from taskspec.spec.model import Model, field_types
 from taskspec.spec.objects import MODELS
 from taskspec.spec.quantities import Constant, Entries, ForJoints
@@ -59,7 +60,11 @@ def _kinds(field: FieldInfo) -> Iterator[type]:
             yield each
 
 
-OBJECT = MappingProxyType({kind: targets(model) for kind, model in MODELS.items()})
+OBJECT = MappingProxyType(
+    {kind: targets(model) for kind, model in MODELS.items()}
+    # Of an equation only the spring has values, and one that is exact has none.
+    | {EXACT + kind: {} for kind in SPRUNG}
+)
 """Values of an object, by its kind."""
 
 _SENSOR = ("delay", "noise.force", "noise.torque", "bias", "filter")

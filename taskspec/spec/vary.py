@@ -18,6 +18,7 @@ from taskspec.expression.tree import Call, IntervalNode, Name, Node, SpreadNode,
 from taskspec.shapes import SHAPES, size_keys
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
+from taskspec.spec.fields import EXACT
 from taskspec.spec.model import mapping
 from taskspec.spec.names import why_not
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
@@ -263,6 +264,8 @@ def target_of(path: str, data: Map, context: ParseContext, section: str) -> Vari
         hint = other_word(of.key, fields) or suggestion(
             of.key, fields, f"values of '{of.owner}' that {can}"
         )
+        if context.objects[of.owner].startswith(EXACT):
+            hint = "what is exact has no spring; give the equation a stiffness in newtons per metre"
         context.error("TS710", f"'{of.key}' of '{of.owner}' is no value that {can}", span, hint)
         return None
     if of.owner:

@@ -159,12 +159,13 @@ def _equation(context: Context, task: Task, name: str, force: float, c: int) -> 
         name=name,
         G=G,
         W=W,
-        K=np.array([[declared.stiffness]]),
+        K=np.array([[0.0 if declared.exact else declared.stiffness]]),
         B=np.array([[declared.damping]]),
         M=np.zeros((1, 1)),
         turning=turning,
         bending=bending,
         equation=list(context.equations).index(name),
+        exact=declared.exact,
     )
 
 

@@ -10,6 +10,8 @@ end:
 
     H a = tau - D y' + G^T f + (d(G^T f_0)/dy) y,    y' += h (H + h D)^-1 H a,    y += h y'.
 
+Along exact rows there is no spring: f is what keeps G (y + h y') = 0 at the end of each step.
+
 H, G and the tip's Jacobian stay as they are at the equilibrium; so do C and g, which the arm's own
 model cancels.
 """
@@ -39,6 +41,7 @@ class Rows:
         turning: (6, n + c) how the wrench at the equilibrium turns with the pose.
         bending: (n + c, n + c) the same for what it does to the coordinates.
         equation: number of the equation that they are, whose reaction is measured; else None.
+        exact: they give way not at all; K, B and M are zero.
         rubs: they are friction, which damps as much as the force on the contact is large.
     """
 
@@ -51,6 +54,7 @@ class Rows:
     turning: Matrix
     bending: Matrix
     equation: int | None = None
+    exact: bool = False
     rubs: bool = False
 
 
@@ -103,12 +107,23 @@ class LinearPlant:
         on_joints = np.vstack([torque, np.zeros((c - self.n, now.shape[1]))])
         inertia = self.H + G.T @ M @ G
         implicit = self.H + h * np.diag(self.damping)
+        exact = np.array([row.exact for row in self.rows for _ in row.G], dtype=bool)
+        E = G[exact]
+        yields = h * np.linalg.solve(implicit, self.H @ np.linalg.solve(inertia, E.T))
+        # Rows that depend on each other share what they exert.
+        keeps = -np.linalg.pinv(E @ yields)
         y, v = position, rate
         for _ in range(self.steps):
             spring = K @ G @ y + B @ G @ v
             free = on_joints - self.damping[:, None] * v + bending @ y
             a = np.linalg.solve(inertia, free - G.T @ spring)
+            if len(E):
+                ahead = v + h * np.linalg.solve(implicit, self.H @ a)
+                kept = keeps @ (E @ (ahead + y / h))
+                a = a + np.linalg.solve(inertia, E.T @ kept)
             f = -(spring + M @ G @ a)
+            if len(E):
+                f[exact] = kept
             wrench = turning @ y
             a = np.linalg.solve(implicit, self.H @ a)
             v = v + h * a

@@ -18,9 +18,10 @@ from taskspec.text.units import parse_unit
 from taskspec_runner.trial import reported  # noqa: F401  (it registers the codes of trials)
 
 
-def test_the_readme_counts_the_tasks_and_names_the_laws():
+def test_the_readme_counts_the_tasks_and_its_table_names_the_laws():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert f"(tasks): {len(list(TASKS.glob('*.yaml')))} tasks" in text
+    text = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
     (row,) = re.findall(r"^\| laws \|(.*)\|$", text, re.M)
     assert set(words(row)) == LAWS.keys()
 

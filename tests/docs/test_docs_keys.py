@@ -14,8 +14,10 @@ from taskspec.spec.axis import Rotation, Translation
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject, JointEquation
 from taskspec.spec.fault import Fault
+from taskspec.spec.followed import Followed
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import GainField
+from taskspec.spec.joint_expressions import JointExpressions
 from taskspec.spec.joint_targets import JointTargets
 from taskspec.spec.law import ForceGains
 from taskspec.spec.limits import Limits
@@ -100,6 +102,7 @@ def kinds(annotation: object) -> Iterator[object]:
             | ForJoints
             | GainField
             | Formula
+            | Followed
             | IntervalAroundZero,
         ):
             yield part
@@ -124,9 +127,11 @@ def units_needed(model: type[Model], key: str) -> set[object]:
     for kind in [*field.metadata, *kinds(field.annotation)]:
         if isinstance(kind, Formula):
             found.add(kind.dimension or "condition")
+        elif isinstance(kind, Followed):
+            found.add(kind.expression.dimension)
         elif isinstance(kind, JointTargets):
             found.update({kind.one.dimension, kind.one.other})
-        elif isinstance(kind, EitherQuantity):
+        elif isinstance(kind, EitherQuantity | JointExpressions):
             found.update({kind.dimension, kind.other})
         elif isinstance(kind, QuantityList):
             found.update({kind.dimension, kind.other} - {None})

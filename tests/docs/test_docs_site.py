@@ -111,9 +111,10 @@ def test_the_reference_has_every_command_and_option(monkeypatch):
         assert len(rows) == len(given)
     (run,) = re.findall(r"^## taskspec run\n(.*?)(?=^## )", page, re.M | re.S)
     assert "| `--set` `KEY=VALUE` | Override a value; may be repeated. |  |" in run
-    assert "| `--quiet`, `-q` | Say only what failed. |  |" in run
-    assert "| `--seed` `INTEGER` | Of everything random. | `0` |" in run
-    assert "| `--format` `text`, `json`, `junit`, `github` | Of the outcome. | `text` |" in run
+    assert "| `--quiet`, `-q` | Print only what failed. |  |" in run
+    assert "| `--seed` `INTEGER` | The seed of all random numbers. | `0` |" in run
+    formats = "`text`, `json`, `junit`, `github`"
+    assert f"| `--format` {formats} | The format of the outcome. | `text` |" in run
 
 
 def test_tasks_and_tables_have_pages(monkeypatch):

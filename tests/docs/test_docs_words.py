@@ -141,6 +141,8 @@ OBJECTS = {
     "shape": "ball: {shape: sphere, radius: 20 mm}",
     "equation": "ball: {equation: x = 520 mm}",
     "joint equation": "ball: {equation: q1 = 0}",
+    "exact equation": "ball: {equation: y = 0, stiffness: exact}",
+    "exact joint equation": "ball: {equation: q1 = 0, stiffness: exact}",
     "hinge": "ball: {mechanism: hinge, xyz: [400 mm, 0, 300 mm], handle: [100 mm, 0, 0]}",
     "slide": "ball: {mechanism: slide, xyz: [500 mm, 0, 300 mm]}",
     "screw": "ball: {mechanism: screw, xyz: [500 mm, 0, 300 mm], pitch: 2 mm/turn}",

@@ -129,11 +129,13 @@ _MOTION = st.one_of(
     _mapping({"velocity": _number(-50, 50, "mm/s")}, {}),
     _mapping({"move": _LENGTH}, {"speed": _number(1, 100, "mm/s")}),
     _mapping({"position": _LENGTH | _one("20 mm * sin(2*pi*t/(2 s))", "reach - 3 mm")}, {}),
+    _mapping({"follows": _one("2 * x", "0.5*x + y - 3 mm", "x^2 / (1 m)", "5 mm/rad * rz")}, {}),
 )
 _TURNING = st.one_of(
     st.just("hold"),
     _mapping({"velocity": _number(-20, 20, "deg/s")}, {}),
     _mapping({"move": _number(-20, 20, "deg")}, {}),
+    _mapping({"follows": _one("2 rad/m * x", "rx", "0.5 * ry")}, {}),
 )
 _FORCE = _mapping({"force": _number(-40, 40, "N") | st.just("-press")}, {"ramp": _TIME})
 _TORQUE = _mapping({"torque": _number(-2, 2, "N*m")}, {})

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from law_cases import gains_on
 
+import constrained_forms
 from taskspec.control import constrained, linear
 from taskspec.laws import LAWS
 from taskspec.laws.case import Case
@@ -61,13 +62,13 @@ def test_multipliers_and_acceleration(sample):
     a, force = sample.solve()
     found = value(constrained.multipliers(sample.factor, *sample.symbols())).ravel()
     assert found == pytest.approx(force, rel=1e-9, abs=1e-9)
-    found = value(constrained.acceleration(sample.factor, *sample.symbols())).ravel()
+    found = value(constrained_forms.acceleration(sample.factor, *sample.symbols())).ravel()
     assert found == pytest.approx(a, rel=1e-9, abs=1e-9)
 
 
 def test_projector(sample):
     """(4.79): P^2 = P, P J^T = 0, and its rank is n - m."""
-    P = value(constrained.projector(sample.factor, sx(sample.J)))
+    P = value(constrained_forms.projector(sample.factor, sx(sample.J)))
     assert pytest.approx(P, abs=1e-12) == P @ P
     assert pytest.approx(0, abs=1e-12) == np.abs(P @ sample.J.T).max()
     assert np.trace(P) == pytest.approx(sample.n - sample.m, abs=1e-10)
@@ -79,16 +80,16 @@ def test_every_choice_of_coordinates_gives_the_same_dynamics(sample):
     for first in itertools.combinations(range(sample.n), sample.m):
         if np.linalg.cond(sample.J[:, first]) > 50:
             continue
-        reduced = constrained.reduction(sx(sample.J), sx(sample.gamma), first)
+        reduced = constrained_forms.reduction(sx(sample.J), sx(sample.gamma), first)
         T, Gamma = value(reduced.T), value(reduced.Gamma).ravel()
         assert np.abs(sample.J @ T[:, sample.m :]).max() < 1e-10  # (4.94)
         assert sample.J @ Gamma == pytest.approx(-sample.gamma, abs=1e-10)
-        dynamics = constrained.reduced_dynamics(reduced, sx(sample.H), sx(sample.bias))
+        dynamics = constrained_forms.reduced_dynamics(reduced, sx(sample.H), sx(sample.bias))
         H, n = value(dynamics.H), value(dynamics.n).ravel()
         m = sample.m
         theta = np.linalg.solve(H[m:, m:], (T.T @ sample.u - n)[m:])  # (4.93)
         assert T[:, m:] @ theta + Gamma == pytest.approx(a, rel=1e-8, abs=1e-8)
-        again = constrained.reduced_multipliers(reduced, dynamics, sx(sample.u), sx(sample.J))
+        again = constrained_forms.reduced_multipliers(reduced, dynamics, sx(sample.u), sx(sample.J))
         assert value(again).ravel() == pytest.approx(force, rel=1e-8, abs=1e-8)
 
 
@@ -96,9 +97,9 @@ def test_the_example_of_a_constraint_on_the_first_joints(sample):
     """(4.98)-(4.100): phi(q) = q_1 = 0, so that J = (I 0), T = I, H~ = H and n~ = C q' + g."""
     m, n = sample.m, sample.n
     sample.J, sample.gamma = np.eye(m, n), np.zeros(m)
-    reduced = constrained.reduction(sx(sample.J), sx(sample.gamma), range(m))
+    reduced = constrained_forms.reduction(sx(sample.J), sx(sample.gamma), range(m))
     assert np.array_equal(value(reduced.T), np.eye(n))
-    dynamics = constrained.reduced_dynamics(reduced, sx(sample.H), sx(sample.bias))
+    dynamics = constrained_forms.reduced_dynamics(reduced, sx(sample.H), sx(sample.bias))
     assert value(dynamics.H) == pytest.approx(sample.H, abs=1e-12)
     assert value(dynamics.n).ravel() == pytest.approx(sample.bias, abs=1e-12)
     a, force = sample.solve()
@@ -107,7 +108,7 @@ def test_the_example_of_a_constraint_on_the_first_joints(sample):
     assert H_22 @ a[m:] == pytest.approx(left[m:], abs=1e-9)  # (4.99)
     expected = -left[:m] + H_12 @ np.linalg.solve(H_22, left[m:])  # (4.100)
     assert force == pytest.approx(expected, abs=1e-9)
-    found = constrained.reduced_multipliers(reduced, dynamics, sx(sample.u), sx(sample.J))
+    found = constrained_forms.reduced_multipliers(reduced, dynamics, sx(sample.u), sx(sample.J))
     assert value(found).ravel() == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
@@ -115,7 +116,7 @@ def test_elimination_is_the_reduced_form(sample):
     """T E_2^T E_2 q'' + Gamma, and nothing changes where the constraint is kept already."""
     first = range(sample.m)
     wanted = RNG.normal(size=sample.n)
-    reduced = constrained.reduction(sx(sample.J), sx(sample.gamma), first)
+    reduced = constrained_forms.reduction(sx(sample.J), sx(sample.gamma), first)
     kept = constrained.eliminate(sx(sample.J), sx(sample.gamma), reduced.eliminated, sx(wanted))
     T, Gamma = value(reduced.T), value(reduced.Gamma).ravel()
     expected = T[:, sample.m :] @ wanted[sample.m :] + Gamma
@@ -133,7 +134,7 @@ def closed_loop(sample, command):
 
 
 def on_constraint(sample, first, desired, measured, integral):
-    reduced = constrained.reduction(sx(sample.J), sx(sample.gamma), first)
+    reduced = constrained_forms.reduction(sx(sample.J), sx(sample.gamma), first)
     zero = np.zeros(sample.m)
     vectors = (sx(x) for x in (zero, desired, measured, integral))
     names = tuple(f"equation {i}" for i in range(sample.m))

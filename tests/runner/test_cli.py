@@ -766,6 +766,13 @@ def test_report_renders_anew(tap: Path) -> None:
     assert call("report", "absent").exit_code == 2
 
 
+@pytest.mark.parametrize("module", ["taskspec", "taskspec_runner"])
+def test_both_packages_start_the_command_line(module: str) -> None:
+    by_module = [sys.executable, "-m", module, "--version"]
+    ran = subprocess.run(by_module, capture_output=True, text=True, timeout=60)
+    assert (ran.stdout, ran.returncode) == (f"taskspec {__version__}\n", 0)
+
+
 def test_version_and_usage() -> None:
     assert call("--version").stdout == f"taskspec {__version__}\n"
     assert call("no-such-command").exit_code == 2

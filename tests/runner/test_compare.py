@@ -429,3 +429,11 @@ def test_ranks_go_by_outcome_then_expectations_then_error() -> None:
         law("passed", 3, None),
     ]  # fmt: skip
     assert ranks(found, {"press": ["z"], "leave": []}) == [5, 2, 1, 7, 6, None, 2, 4]
+
+
+def test_errors_within_five_percent_of_the_least_of_a_rank_share_it() -> None:
+    def law(error: float, met: int = 1) -> dict[str, Any]:
+        return {"outcome": "passed", "met": met, "stages": {"s": {"force": {"rms_error": error}}}}
+
+    found = [law(0.2), law(0.198), law(0.207), law(0.209), law(0.198, met=0)]
+    assert ranks(found, {"s": ["z"]}) == [1, 1, 1, 4, 5]

@@ -352,6 +352,19 @@ def test_colours_only_for_people_at_a_terminal(
     assert colored == (form in ("full", "concise") and not no_color)
 
 
+@pytest.mark.parametrize("name", ["FORCE_COLOR", "CLICOLOR_FORCE"])
+@pytest.mark.parametrize(("value", "no_color"), [("1", ""), ("0", ""), ("", ""), ("1", "1")])
+def test_colours_where_the_environment_asks_for_them(
+    name: str, value: str, no_color: str, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (here / "tap.yaml").write_text(WARNED)
+    monkeypatch.setenv(name, value)
+    monkeypatch.setenv("NO_COLOR", no_color)
+    output = validate("tap.yaml").output
+    assert "warning" in output
+    assert ("\x1b[" in output) == (value == "1" and not no_color)
+
+
 def test_every_form_has_a_reporter_and_is_named_in_the_help(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -36,8 +36,10 @@ TASKS = Path(__file__).resolve().parents[2] / "tasks"
 #: One with each thing that a plant or a sensor may have. `make native` has them all.
 DIFFERENT = (
     "conveyor",  # an object that moves by itself
+    "exact-ring",  # equations that hold exactly, one of which moves
     "door-handle",  # a grip, a mechanism with a detent
     "linkage",  # equations on the tip and on joints
+    "linkage-in-joints",  # a motion and a path of joints on a constraint, joint torques
     "peg-in-hole",  # a tool with sides, a cut, retries by condition
     "press-qp",  # a program of limits
     "slot-insertion",  # a box as the tool

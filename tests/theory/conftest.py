@@ -11,11 +11,15 @@ from ledger import Row, markdown
 Prediction = Callable[..., None]
 _ROWS = pytest.StashKey[list[Row]]()
 _OPTION = "--theory-table"
+_PRESSES = "--random-presses"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         _OPTION, type=Path, help="print the table of predictions and write it to this file"
+    )
+    parser.addoption(
+        _PRESSES, type=int, default=20, help="how many random presses keep their bound"
     )
 
 

@@ -10,8 +10,9 @@ TITLE = """\
 
 Each row is a number that the theory predicts and that was measured in a run: of a task file,
 compiled and simulated on the MuJoCo plant as `taskspec run` does it. Rows of sections 4.3.1 and
-4.3.2 hold on ideal rigid constraints; there the compiled controller runs on a reference integration
-of (4.78), `tests/theory/rigid.py`. The tests in `tests/theory/` make the rows and fail where one
+4.3.2 hold on ideal rigid constraints. There the compiled controller runs on a reference integration
+of (4.78), `tests/theory/rigid.py`; in *Equations that hold exactly* it runs on the plant, under
+`stiffness: exact`. The tests in `tests/theory/` make the rows and fail where one
 misses; `make theory` runs them and writes this page.
 
 [Conventions](conventions.md) says what the signs, the contact and one tick are,

@@ -200,7 +200,7 @@ def run_rigid(
         rows.append((t, q, v, u, force, machine.outputs.copy()))
         q, v = _advance(arm, q, v, total, t, T, substeps)
     *columns, outputs = [np.array(column) for column in zip(*rows, strict=True)]
-    named = slices(fields(len(force)))
+    named = slices(fields(len(force), program.context.followed))
     return RigidRun(*columns, {name: outputs[:, where] for name, where in named.items()})
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rigid import Arm, run_rigid
 
+import constrained_forms
 from taskspec.compiler import compile_unchecked
 from taskspec.control import constrained, linear
 from taskspec.spec import load_text
@@ -57,12 +58,12 @@ def test_identities_along_a_run(prediction, text, case):
         H, bias = arm.dynamics(q, v)
         _, J, gamma, r_t = arm.constraint(q, v, t)
         factor = linear.cholesky(sx(H))
-        P = value(constrained.projector(factor, sx(J)))
+        P = value(constrained_forms.projector(factor, sx(J)))
         first = [int(np.argmax(np.abs(J[0])))]
-        reduced = constrained.reduction(sx(J), sx(gamma), first)
-        dynamics = constrained.reduced_dynamics(reduced, sx(H), sx(bias))
+        reduced = constrained_forms.reduction(sx(J), sx(gamma), first)
+        dynamics = constrained_forms.reduced_dynamics(reduced, sx(H), sx(bias))
         one = value(constrained.multipliers(factor, sx(bias), sx(u), sx(J), sx(gamma)))
-        other = value(constrained.reduced_multipliers(reduced, dynamics, sx(u), sx(J)))
+        other = value(constrained_forms.reduced_multipliers(reduced, dynamics, sx(u), sx(J)))
         found = {
             "idempotent": np.abs(P @ P - P).max(),
             "annihilates": np.abs(P @ J.T).max(),

@@ -36,11 +36,16 @@ def _version(chosen: bool) -> None:
 
 @app.callback()
 def _taskspec(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version.")
+    context: typer.Context,
+    version: Annotated[  # noqa: ARG001
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Tasks in contact: written as text, checked before anything moves, run in simulation."""
+    from taskspec_runner.cli.diagnostics import forces_color
+
+    if forces_color():
+        context.color = True
 
 
 @_command
@@ -51,11 +56,14 @@ def run(
     kept: options.RecordOptions,
     video: Annotated[
         Path | None,
-        typer.Option(metavar="OUT.MP4", help="Draw the run as a video when it has ended."),
+        typer.Option(metavar="OUT.MP4", help="Write a video of the run when it has ended."),
     ] = None,
     force: options.Force = False,
     loop: Annotated[
-        LoopName, typer.Option(help="Machine code where there is some, or one of the two.")
+        LoopName,
+        typer.Option(
+            help="The loop that runs the ticks: machine code where it can, or one of the two."
+        ),
     ] = LoopName.AUTO,
     robot: options.RobotOptions,
 ) -> int:
@@ -87,7 +95,10 @@ def plant(
 def sweep(
     *,
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILE", help="The task file; with --merge folders.")
+        list[Path],
+        typer.Argument(
+            metavar="FILE", help="The task file; with --merge, the folders of the shares."
+        ),
     ],
     sweeping: options.SweepOptions,
 ) -> int:
@@ -117,23 +128,28 @@ def validate(
         typer.Argument(metavar="PATH...", help="Task files, or folders of them; - reads one."),
     ],
     how: options.ValidateOptions,
-    form: Annotated[DiagnosticFormat, typer.Option("--format", help="Of the findings.")] = (
-        DiagnosticFormat.FULL
-    ),
+    form: Annotated[
+        DiagnosticFormat, typer.Option("--format", help="The format of the findings.")
+    ] = (DiagnosticFormat.FULL),
     strict: Annotated[bool, typer.Option("--strict", help="Warnings fail as errors do.")] = False,
     select: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="CODES", help="Only codes that begin so, such as TS2,TS301; may be repeated."
+            metavar="CODES",
+            help="Report only codes that begin so, such as TS2,TS301; may be repeated.",
         ),
     ] = None,
     ignore: Annotated[
         list[str] | None,
-        typer.Option(metavar="CODES", help="Leave these out, such as TS304 or TS3; as --select."),
+        typer.Option(
+            metavar="CODES",
+            help="Leave out codes that begin so, such as TS304 or TS3; may be repeated.",
+        ),
     ] = None,
     no_cache: options.NoCache = False,
     sarif: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the findings there as SARIF too.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the findings to this file as SARIF, too."),
     ] = None,
 ) -> int:
     """Find what is wrong with task files: by rules, and by a trial of each."""
@@ -173,11 +189,12 @@ def explain(
         ),
     ],
     given: options.TaskOptions,
-    form: Annotated[RunFormat, typer.Option("--format", help="Of the explanation.")] = (
+    form: Annotated[RunFormat, typer.Option("--format", help="The format of the explanation.")] = (
         RunFormat.TEXT
     ),
     static: Annotated[
-        bool, typer.Option("--static", help="Leave out the trial: what the plan tells alone.")
+        bool,
+        typer.Option("--static", help="Leave out the trial; show only what follows from the file."),
     ] = False,
     terms: Annotated[
         bool,
@@ -219,7 +236,7 @@ def new(
         str | None,
         typer.Argument(
             metavar="TEMPLATE",
-            help="A template; none lists them.",
+            help="The template; without one the templates are listed.",
             autocompletion=completions.templates,
         ),
     ] = None,
@@ -233,7 +250,8 @@ def new(
         ),
     ] = None,
     flange: Annotated[
-        str | None, typer.Option(metavar="BODY", help="With --model: what carries the tool.")
+        str | None,
+        typer.Option(metavar="BODY", help="With --model: the body that carries the tool."),
     ] = None,
 ) -> int:
     """Begin a task of your own from a template, or for a robot of your own."""
@@ -270,7 +288,7 @@ def judge(
         Path | None,
         typer.Argument(
             metavar="LOG",
-            help="What was recorded elsewhere, to be judged by the file: CSV, Parquet or MCAP.",
+            help="A log recorded elsewhere, to be judged by the file: CSV, Parquet or MCAP.",
             show_default="the run's own",
         ),
     ] = None,
@@ -278,7 +296,7 @@ def judge(
         Path | None,
         typer.Option(
             metavar="MAP",
-            help="Which of its columns is which signal, in which unit: a file (YAML), or the name "
+            help="The map of its columns to signals and units: a file (YAML), or the name "
             "of a ready map; 'list' prints those.",
         ),
     ] = None,
@@ -291,7 +309,9 @@ def judge(
     ] = None,
     given: options.OverrideOptions,
     quiet: options.Quiet = False,
-    form: Annotated[RunFormat, typer.Option("--format", help="Of the judgement.")] = RunFormat.TEXT,
+    form: Annotated[
+        RunFormat, typer.Option("--format", help="The format of the judgement.")
+    ] = RunFormat.TEXT,
 ) -> int:
     """Judge a run again from its log; or judge what was recorded elsewhere by a task file."""
     from taskspec_runner.cli.judge import judge_folder, judge_log, list_maps
@@ -310,14 +330,20 @@ def export(
     folder: options.RunFolder,
     path: Annotated[
         Path | None,
-        typer.Argument(metavar="PATH", help="The file.", show_default="RUN/log.FORMAT"),
+        typer.Argument(
+            metavar="PATH", help="The file that is written.", show_default="RUN/log.FORMAT"
+        ),
     ] = None,
-    csv: Annotated[bool, typer.Option("--csv", help="Text, units in the header.")] = False,
-    parquet: Annotated[bool, typer.Option("--parquet", help="Columns, units as metadata.")] = False,
-    mcap: Annotated[
-        bool, typer.Option("--mcap", help="ROS 2 messages for Foxglove and PlotJuggler.")
+    csv: Annotated[
+        bool, typer.Option("--csv", help="Write text, with units in the header.")
     ] = False,
-    rerun: Annotated[bool, typer.Option("--rerun", help="A Rerun recording.")] = False,
+    parquet: Annotated[
+        bool, typer.Option("--parquet", help="Write columns, with units as metadata.")
+    ] = False,
+    mcap: Annotated[
+        bool, typer.Option("--mcap", help="Write ROS 2 messages, for Foxglove and PlotJuggler.")
+    ] = False,
+    rerun: Annotated[bool, typer.Option("--rerun", help="Write a Rerun recording.")] = False,
     start: options.From = None,
     end: options.To = None,
 ) -> int:
@@ -329,13 +355,43 @@ def export(
 
 
 @_command
+def runs(
+    folder: Annotated[Path, typer.Argument(help="The folder of runs.")] = Path("runs"),
+    most: Annotated[
+        int, typer.Option("-n", min=1, metavar="N", help="List at most N folders.")
+    ] = 30,
+    html: Annotated[
+        Path | None, typer.Option(help="Write a page with the trend of every task, too.")
+    ] = None,
+    form: Annotated[RunFormat, typer.Option("--format", help="The format of the list.")] = (
+        RunFormat.TEXT
+    ),
+) -> int:
+    """List runs, comparisons and sweeps, newest first, and since when a task misses."""
+    from taskspec_runner.cli.runs import list_runs
+
+    return list_runs(folder, html, form, most)
+
+
+@_command
+def lsp() -> int:
+    """Serve an editor over the Language Server Protocol, on standard input and output."""
+    from taskspec_runner.cli.lsp import serve
+
+    return serve()
+
+
+@_command
 def diff(
     a: Annotated[Path, typer.Argument(metavar="RUN_A", help="The folder of a run.")],
-    b: Annotated[Path, typer.Argument(metavar="RUN_B", help="The run that is held against it.")],
+    b: Annotated[
+        Path, typer.Argument(metavar="RUN_B", help="The folder of the run to compare it with.")
+    ],
     html: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also write a page with both in its charts.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a page with both runs in its charts, too."),
     ] = None,
-    form: Annotated[RunFormat, typer.Option("--format", help="Of the difference.")] = (
+    form: Annotated[RunFormat, typer.Option("--format", help="The format of the difference.")] = (
         RunFormat.TEXT
     ),
 ) -> int:
@@ -352,7 +408,9 @@ def replay(
     video: Annotated[
         Path | None, typer.Option(metavar="OUT.MP4", help="Write a video; no screen is needed.")
     ] = None,
-    view: Annotated[bool, typer.Option("--view", help="Open a window, also the default.")] = False,
+    view: Annotated[
+        bool, typer.Option("--view", help="Open a window; this is the default.")
+    ] = False,
     cut: options.CutOptions,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> int:

@@ -48,8 +48,16 @@ def text_for(stream: TextIO, rendered: Iterable[Line]) -> str:
 
 
 def is_colored(stream: TextIO) -> bool:
-    """Whether to use colours on a stream: it is a terminal and NO_COLOR is not set."""
-    return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    """Whether to use colours on a stream: NO_COLOR, then FORCE_COLOR, then a terminal says so."""
+    if os.environ.get("NO_COLOR"):
+        return False
+    return forces_color() or (stream.isatty() and os.environ.get("TERM") != "dumb")
+
+
+def forces_color() -> bool:
+    """Whether the environment asks for colours where no terminal is."""
+    asked = (os.environ.get(name) for name in ("FORCE_COLOR", "CLICOLOR_FORCE"))
+    return not os.environ.get("NO_COLOR") and any(value not in (None, "", "0") for value in asked)
 
 
 def _painted(text: str, style: Style) -> str:

@@ -25,17 +25,19 @@ Sets = Annotated[
 ]
 NoCache = Annotated[
     bool,
-    typer.Option("--no-cache", help="Examine anew, also what has not changed since the last time."),
+    typer.Option(
+        "--no-cache", help="Examine files again that have not changed since the last time."
+    ),
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Of everything random.")]
+Seed = Annotated[int, typer.Option(min=0, help="The seed of all random numbers.")]
 StopAfter = Annotated[
-    int, typer.Option(min=0, help="At the wall clock, stop when more in a row are lost.")
+    int, typer.Option(min=0, help="At the wall clock, stop when more samples in a row are lost.")
 ]
 Force = Annotated[
     bool, typer.Option("--force", help="Run in spite of errors behind which the task compiles.")
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say only what failed.")]
-Outcome = Annotated[RunFormat, typer.Option("--format", help="Of the outcome.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only what failed.")]
+Outcome = Annotated[RunFormat, typer.Option("--format", help="The format of the outcome.")]
 From = Annotated[
     float | None, typer.Option("--from", metavar="S", help="Begin at this run time in seconds.")
 ]
@@ -79,8 +81,8 @@ class WorldOptions(SeededOptions):
         str | None,
         typer.Option(
             metavar="N|TABLE:ROW",
-            help="A random world of 'vary' by its number under the seed, or a row of a sweep's "
-            "table.",
+            help="Run in a random world of 'vary', by its number under the seed, or in a row of "
+            "a sweep's table.",
             show_default="the true one",
         ),
     ] = None
@@ -91,7 +93,7 @@ class ValidateOptions(WorldOptions):
     """How files are validated."""
 
     static: Annotated[
-        bool, typer.Option("--static", help="Rules alone, without a trial: for editors.")
+        bool, typer.Option("--static", help="Apply the rules alone, without a trial.")
     ] = False
     worlds: Annotated[
         int, typer.Option(min=0, metavar="N", help="Try N random worlds of `vary` as well.")
@@ -116,7 +118,7 @@ class RecordOptions:
         ),
     ] = None
     quiet: Quiet = False
-    form: Annotated[OutcomeFormat, typer.Option("--format", help="Of the outcome.")] = (
+    form: Annotated[OutcomeFormat, typer.Option("--format", help="The format of the outcome.")] = (
         OutcomeFormat.TEXT
     )
 
@@ -138,8 +140,8 @@ class RobotOptions:
         str,
         typer.Option(
             metavar="catch-up|hold",
-            help="With --on, of a lost sample: a tick on the one before, or the task's time "
-            "stands.",
+            help="With --on, what a lost sample means: a tick on the one before, or the task's "
+            "time stands.",
         ),
     ] = "catch-up"
     stop_after: StopAfter = 20
@@ -150,20 +152,27 @@ class PlantOptions:
     """How a plant is served."""
 
     listen: Annotated[
-        str, typer.Option(metavar="udp://HOST:PORT", help="Where; port 0 is any that is free.")
+        str,
+        typer.Option(
+            metavar="udp://HOST:PORT", help="The address to listen at; port 0 is any that is free."
+        ),
     ] = "udp://127.0.0.1:39017"
     free_running: Annotated[
-        bool, typer.Option("--free-running", help="At the wall clock; else wait for each answer.")
+        bool,
+        typer.Option(
+            "--free-running", help="Run at the wall clock instead of waiting for each answer."
+        ),
     ] = False
     stop_after: StopAfter = 20
     wait: Annotated[
-        float, typer.Option(min=0, metavar="S", help="How long to wait for a controller.")
+        float, typer.Option(min=0, metavar="S", help="The longest wait for a controller.")
     ] = 600.0
     answer: Annotated[
-        float, typer.Option(min=0.1, metavar="S", help="In lock-step, how long for an answer.")
+        float,
+        typer.Option(min=0.1, metavar="S", help="The longest wait for an answer, in lock-step."),
     ] = 2.0
     open: Annotated[
-        bool, typer.Option("--open", help="Listen where other machines may reach it.")
+        bool, typer.Option("--open", help="Listen at an address that other machines reach.")
     ] = False
 
 
@@ -173,36 +182,49 @@ class SweepOptions:
 
     worlds: Annotated[
         int | None,
-        typer.Option(min=1, help="Random worlds of 'vary'.", show_default="the file's, else 100"),
+        typer.Option(
+            min=1,
+            help="The number of random worlds of 'vary'.",
+            show_default="the file's, else 100",
+        ),
     ] = None
     corners: Annotated[
-        bool, typer.Option("--corners", help="Every end of what varies, with every other.")
+        bool, typer.Option("--corners", help="Run every combination of the ends of what varies.")
     ] = False
     grid: Annotated[
-        int | None, typer.Option(min=2, metavar="N", help="N values of each that varies.")
+        int | None,
+        typer.Option(
+            min=2, metavar="N", help="Run a grid with N values of each entry that varies."
+        ),
     ] = None
     sets: Sets = field(default_factory=list)
     seed: Seed = 0
     jobs: Annotated[
         int | None,
-        typer.Option("--jobs", "-j", min=1, help="At once.", show_default="the processors"),
+        typer.Option(
+            "--jobs",
+            "-j",
+            min=1,
+            help="The number of worlds at once.",
+            show_default="the processors",
+        ),
     ] = None
     executor: Annotated[
         str | None,
         typer.Option(
             metavar="dask[:tcp://HOST:PORT]",
-            help="A cluster of Dask: one of this machine, or that of a scheduler.",
+            help="Run on a cluster of Dask: one of this machine, or that of a scheduler.",
             show_default="processes",
         ),
     ] = None
     shard: Annotated[
-        str | None, typer.Option(metavar="I/N", help="Run one share of the worlds.")
+        str | None, typer.Option(metavar="I/N", help="Run one share of the worlds, I of N.")
     ] = None
     merge: Annotated[bool, typer.Option("--merge", help="Put folders of shares together.")] = False
     keep: Annotated[
         str,
         typer.Option(
-            metavar="none|worst|failed|all|N,N", help="Worlds of which log and report are kept."
+            metavar="none|worst|failed|all|N,N", help="The worlds whose log and report are kept."
         ),
     ] = "worst"
     out: Annotated[
@@ -212,7 +234,7 @@ class SweepOptions:
             show_default="runs/NAME-sweep",
         ),
     ] = None
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only the verdict.")] = False
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only the verdict.")] = False
     form: Outcome = RunFormat.TEXT
     force: Force = False
 
@@ -249,21 +271,33 @@ class ChoiceOptions:
     words: Annotated[
         str | None,
         typer.Option(
-            "-k", metavar="WORDS", help="Files whose paths have these: 'press and not (qp or pd)'."
+            "-k",
+            metavar="WORDS",
+            help="Test the files whose paths have these: 'press and not (qp or pd)'.",
         ),
     ] = None
     jobs: Annotated[
         int,
         typer.Option(
-            "--jobs", "-j", min=0, help="Processes.", show_default="one for each processor"
+            "--jobs",
+            "-j",
+            min=0,
+            help="The number of processes.",
+            show_default="one for each processor",
         ),
     ] = 0
     last_failed: Annotated[
-        bool, typer.Option("--last-failed", "--lf", help="Those that failed the last time.")
+        bool,
+        typer.Option(
+            "--last-failed", "--lf", help="Test only the files that failed the last time."
+        ),
     ] = False
-    failed_first: Annotated[bool, typer.Option("--failed-first", "--ff", help="Those first.")] = (
-        False
-    )
+    failed_first: Annotated[
+        bool,
+        typer.Option(
+            "--failed-first", "--ff", help="Test the files that failed the last time first."
+        ),
+    ] = False
     exit_first: Annotated[
         bool, typer.Option("--exitfirst", "-x", help="End at the first one that fails.")
     ] = False
@@ -279,10 +313,10 @@ class ReportOptions:
     junit: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the outcomes as JUnit XML too.")
     ] = None
-    form: Annotated[OutcomeFormat, typer.Option("--format", help="Of the outcomes.")] = (
+    form: Annotated[OutcomeFormat, typer.Option("--format", help="The format of the outcomes.")] = (
         OutcomeFormat.TEXT
     )
-    out: Annotated[Path, typer.Option(help="Keeps the runs that failed, and what failed.")] = Path(
+    out: Annotated[Path, typer.Option(help="The folder of the runs that failed.")] = Path(
         "runs/tests"
     )
     keep: Annotated[
@@ -296,12 +330,16 @@ class CutOptions:
     """What of a run a video or a window shows, and how."""
 
     speed: Annotated[
-        float, typer.Option(help="1 is real time, 2 twice as fast, 0.25 a quarter.")
+        float, typer.Option(help="The speed: 1 is real time, 2 twice as fast, 0.25 a quarter.")
     ] = 1.0
     start: From = None
     end: To = None
-    size: Annotated[str, typer.Option(metavar="WxH", help="Of the video, in pixels.")] = "1280x720"
-    fps: Annotated[float, typer.Option(help="Frames in a second of the video.")] = 25.0
+    size: Annotated[str, typer.Option(metavar="WxH", help="The size of the video, in pixels.")] = (
+        "1280x720"
+    )
+    fps: Annotated[float, typer.Option(help="The number of frames in a second of the video.")] = (
+        25.0
+    )
     camera: Annotated[
         str | None,
         typer.Option(

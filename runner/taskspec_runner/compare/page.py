@@ -15,6 +15,7 @@ from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.folder import PAGE, PICTURE
 from taskspec_runner.compare.overlay import CUT_SHORT, overlay, role
 from taskspec_runner.compare.picture import comparison_svg, counted, time_of
+from taskspec_runner.compare.ranking import RANKED, compared_by
 from taskspec_runner.compare.tracking import KINDS, best
 from taskspec_runner.pages.document import (
     DASH,
@@ -112,7 +113,10 @@ def _ranking(comparison: Comparison) -> Markup | None:
     """The laws that came first, second and third, with their ranks."""
     ranked = sorted((x["rank"], x["law"]) for x in comparison.laws if x.get("rank"))
     shown = [element("span", element("b", r), f" {law}") for r, law in ranked if r <= _PODIUM]
-    return element("p", *shown, class_="ranking") if shown else None
+    if not shown:
+        return None
+    kind = compared_by(comparison.summary["force_axes"])
+    return joined(element("p", *shown, class_="ranking"), note(RANKED.format(kind=kind)))
 
 
 def _laws(comparison: Comparison) -> Markup:

@@ -12,26 +12,42 @@ Json = Mapping[str, Any]
 ORDER = ("passed", "done", "missed", "failed", "stopped")
 
 
+#: Errors up to this share above the least of a rank share it: designed gains are round numbers, and
+#: another one that is as good a choice moves the error by more.
+TIE = 0.05
+#: How ranks come about, for readers of the numbers.
+RANKED = (
+    "Ranked by outcome, then by expectations met, then by the largest RMS error of {kind}; errors "
+    f"within {TIE:.0%} share a rank. Every law but the one as written runs with its designed "
+    "gains, so this compares designs, not equations alone."
+)
+
+
+def compared_by(force_axes: Mapping[str, Sequence[str]]) -> str:
+    """The kind of error that decides: force where a force is to be reached, else motion."""
+    return "force" if any(force_axes.values()) else "motion"
+
+
 def ranks(laws: Sequence[Json], force_axes: Mapping[str, Sequence[str]]) -> list[int | None]:
     """The rank of each law from 1; None of those that made no run to be ranked.
 
     Equal outcomes and numbers of expectations met are told apart by the largest RMS error of force
     over the stages in which a force is to be reached, without any by that of motion over all.
-    Laws that are equal in that, too, share a rank.
+    Laws whose errors are within `TIE` of the least of their rank share it.
     """
-    kind = "force" if any(force_axes.values()) else "motion"
-    worth = [_worth(law, kind, force_axes) for law in laws]
-    order = sorted({each for each in worth if each is not None})
-    return [None if each is None else _place(each, worth, order) for each in worth]
+    kind = compared_by(force_axes)
+    found = {i: worth for i, law in enumerate(laws) if (worth := _worth(law, kind, force_axes))}
+    places: list[int | None] = [None] * len(laws)
+    leading, rank = None, 0
+    for number, i in enumerate(sorted(found, key=lambda i: found[i]), 1):
+        if leading is None or not _ties(found[i], leading):
+            leading, rank = found[i], number
+        places[i] = rank
+    return places
 
 
-def _place(
-    each: tuple[int, int, float],
-    worth: Sequence[tuple[int, int, float] | None],
-    order: Sequence[tuple[int, int, float]],
-) -> int:
-    before = set(order[: order.index(each)])
-    return 1 + sum(other in before for other in worth)
+def _ties(one: tuple[int, int, float], leading: tuple[int, int, float]) -> bool:
+    return one == leading or (one[:2] == leading[:2] and one[2] <= leading[2] * (1 + TIE))
 
 
 def _worth(

@@ -25,12 +25,13 @@ XBODY = mujoco.mjtObj.mjOBJ_XBODY
 
 
 class Equations:
-    """All equations of a task, as forces on an arm.
+    """All equations of a task that springs keep, as forces on an arm.
 
     Attributes:
         on_tip: (3,) what the Cartesian ones exert on the tool tip, world axes [N].
         on_joints: (k,) what those on joints exert [N m, N]; `joints` is where that acts.
-        applied: (equations,) what the robot applies along each unit gradient [N, N m].
+        applied: (equations,) what the robot applies along each unit gradient [N, N m]; of exact
+            equations zero.
         function: tip, its velocity, q, q', clock, compliances -> these three.
         clock: (1,) of the simulator [s].
         twist: (6,) of the tip, its angular part first; `body` is the tip's, `tip` its place.
@@ -58,7 +59,9 @@ class Equations:
             [self.tip, self.twist[3:], q, v, self.clock, *_compliances(arm.robot, task, arm.start)],
             [self.on_tip, self.on_joints, self.applied],
         )
-        self.cartesian = any(not e.equation.joints for e in task.equations.values())
+        self.cartesian = any(
+            not each.equation.joints for each in task.equations.values() if not each.exact
+        )
         self.nothing = np.zeros(3)
 
     def apply(self) -> None:
@@ -93,7 +96,10 @@ def reaction_function(task: Task, joints: int, free: Sequence[int]) -> ca.Functi
     q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
     stiffness, damping = ca.SX.sym("stiffness", count), ca.SX.sym("damping", count)
     on_tip, on_joints, applied = ca.SX.zeros(3), ca.SX.zeros(n), []
-    for i, model in enumerate(equation_models(task).values()):
+    for i, (name, model) in enumerate(equation_models(task).items()):
+        if task.equations[name].exact:
+            applied.append(ca.SX(0))
+            continue
         place, rate = (q[moved], v[moved]) if model.joints else (p, dp)
         terms = model.terms(place, rate, clock)
         force = reaction(model, terms, rate, stiffness[i], damping[i])

@@ -17,6 +17,7 @@ from taskspec_runner.plant.grasp import Grip
 from taskspec_runner.plant.loose import LooseBodies, loose
 from taskspec_runner.plant.mechanisms import Mechanisms
 from taskspec_runner.plant.moving_base import MovingBases, moving
+from taskspec_runner.plant.rigid_constraints import RigidConstraints
 from taskspec_runner.plant.scene import Scene, build_scene
 from taskspec_runner.plant.views import PlantViews
 from taskspec_runner.plant.wrist import wrist_wrench
@@ -44,7 +45,8 @@ class PlantArm:
         wrist: (6,) the wrench as a sensor between flange and tool measures it, with the tool's
             weight and inertia; None unless the sensor is at the wrist.
         grip: what it holds something with; None where it holds nothing.
-        equations: the constraints on it; None where there are none.
+        equations: the springs of constraints on it; None where there are none.
+        rigid: the constraints that hold exactly; None where there are none.
         forces: writes the wrenches and forces, and what of the state has no view.
         sensor: the true one.
         tip_rotation: (9,) the tip's axes in the last step, row by row.
@@ -64,9 +66,12 @@ class PlantArm:
         self.tip_rotation = data.xmat[places.tip]
         self.diverged = False
         self._model, self._data = model, data
-        self.equations = (
-            Equations(model, data, arm, task, views.equations) if task.equations else None
-        )
+        exact = [each.exact for each in task.equations.values()]
+        self.equations = self.rigid = None
+        if not all(exact):
+            self.equations = Equations(model, data, arm, task, views.equations)
+        if any(exact):
+            self.rigid = RigidConstraints(model, data, arm, task, views.equations)
         wiring = Wiring()
         self.grip = Grip(model, data, arm, task, wiring) if arm.held else None
         self.wrist = np.zeros(6) if self.sensor.at == "wrist" else None
@@ -83,6 +88,8 @@ class PlantArm:
         efforts: dict[str, ca.SX] = {}
         if self.equations is not None:
             on_tip[:3] += wiring.reads("equations", self.equations.on_tip)
+        if self.rigid is not None:
+            on_tip[:3] += wiring.reads("rigid", self.rigid.on_tip)
         if self.grip is not None:
             on_tip += self.grip.wrench
             if arm.held in task.mechanisms:
@@ -160,7 +167,7 @@ class Plant:
         self.moving_bases = MovingBases(model, data, task) if moving(task) else None
         self.loose = LooseBodies(model, data, task) if loose(task) else None
         detents = None if self.mechanisms is None else self.mechanisms.detents
-        self.simple = arm.equations is None and self.moving_bases is None and detents is None
+        self.simple = not (arm.equations or arm.rigid or self.moving_bases or detents)
         self._still = self.mechanisms is None and self.loose is None
         self._settle()
         self._read_state()
@@ -211,6 +218,8 @@ class Plant:
             self.moving_bases.drive()
         mujoco.mj_step1(model, data)
         self._apply()
+        if self.arm.rigid is not None:
+            self.arm.rigid.apply()
         mujoco.mj_step2(model, data)
 
     def _read_state(self) -> None:

@@ -35,7 +35,7 @@ class Bus:
 
     def __init__(self, joints: int, task: Task, *, linked: bool = False) -> None:
         truth, self.linked = view_fields(task), linked
-        outputs = fields_of(task)
+        outputs = fields_of(task, joints)
         fields = [
             ("clock", 1),
             ("t", 1),

@@ -17,7 +17,7 @@ from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec.signals import GAIN, JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
-from taskspec.signals.table import MEASURED
+from taskspec.signals.table import MEASURED, REFERENCE
 from taskspec.spec import Task
 from taskspec.text.units import si_unit
 from taskspec_runner.record.bus import TRUE, Bus
@@ -220,12 +220,27 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
     yield from _of_joints(robot.n, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
-            yield Column(f"{owner}.{name}", si_unit(signal.dimensions[declared.kind]), "")
+            if not signal.output:
+                yield Column(f"{owner}.{name}", si_unit(signal.dimensions[declared.kind]), "")
+    yield from _of_equations(task)
+
+
+def _of_equations(task: Task) -> Iterator[Column]:
+    """The columns of equations that are the controller's."""
+    generalised = {name for each in task.stages.values() for name in each.generalised}
     for i, (owner, equation) in enumerate(task.equations.items()):
-        ((name, signal),) = ((n, s) for n, s in OBJECT[equation.kind].items() if s.beside)
+        signals = OBJECT[equation.kind]
+        ((name, signal),) = ((n, s) for n, s in signals.items() if MEASURED in s.beside)
         unit = si_unit(signal.dimensions[equation.kind])
         yield Column(f"{owner}.{name}.ref", unit, "reaction_ref", i)
         yield Column(f"{owner}.{name}.measured", unit, "reaction", i)
+        if task.in_joints:
+            gap = si_unit(signals["gap"].dimensions[equation.kind])
+            yield Column(f"{owner}.gap.ref", gap, "gap_ref", i)
+        if owner in generalised:
+            residual = signals["residual"]
+            unit = si_unit(residual.dimensions[equation.kind])
+            yield Column(f"{owner}.residual", unit, residual.output, i)
 
 
 def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:
@@ -240,6 +255,7 @@ def _of_joints(joints: int, task: Task) -> Iterator[Column]:
     """The columns of all joints: where devices fail, also what is not the truth, or is it."""
     beside = [("position", MEASURED, "q"), ("velocity", MEASURED, "v")]
     beside = beside if task.truth.of(ENCODER) else []
+    beside += [("position", REFERENCE, "joint_ref")] if task.in_joints else []
     beside += [("torque", "exerted", f"{TRUE}torque")] if task.truth.of(TORQUE) else []
     for i in range(joints):
         for name, signal in JOINT.items():

@@ -28,6 +28,7 @@ from taskspec_runner.record.history import Vector
 from taskspec_runner.report.expected import JUDGED, with_bounds
 from taskspec_runner.report.rest_levels import rest_levels
 from taskspec_runner.report.selection import selected
+from taskspec_runner.report.settling import settlings
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.metrics import set_points
 
@@ -35,6 +36,8 @@ LINEAR, ANGULAR = TRANSLATIONS, ROTATIONS
 #: Colour roles of the axes; a rotation has the colour of its axis.
 _ROLES: dict[str, str] = {axis: axis.letter for axis in AXES}
 _GAP = ".gap"
+#: Deviations below are rounding [m].
+_ROUNDING = 1e-9
 
 
 def sections(run: Run) -> tuple[Section, ...]:
@@ -46,11 +49,13 @@ def sections(run: Run) -> tuple[Section, ...]:
         contact.add(_controlled(run, name, f"j{number % 7}"))
     contact.add(_mechanisms(run, "torque", "Moment on the mechanism, about its axis"))
     contact.add(_mechanisms(run, "force", "Force on the mechanism, along its axis"))
+    contact.add(_settling(run))
     contact.add(_inconsistent(run))
     contact.add(_wrench(run, "force", LINEAR, "All forces"))
     contact.add(_wrench(run, "torque", ANGULAR, "Moments"))
     for chart in _gaps(run):
         contact.add(chart)
+    contact.add(_residuals(run))
     motion.add(_mechanisms(run, "angle", "Angle", places=True))
     motion.add(_mechanisms(run, "travel", "Way along the axis", places=True))
     motion.add(_pose(run, LINEAR, "Position"))
@@ -58,6 +63,8 @@ def sections(run: Run) -> tuple[Section, ...]:
     motion.add(_velocity(run))
     motion.add(_pose(run, ANGULAR, "Orientation"))
     motion.add(_errors(run, ANGULAR, "Orientation error"))
+    for chart in _on_joints(run):
+        motion.add(chart)
     arm.add(_joint_torques(run))
     arm.add(_joint_positions(run))
     arm.add(_power(run))
@@ -140,6 +147,26 @@ def _wrench(run: Run, kind: str, axes: Sequence[str], title: str) -> Chart | Non
     return Chart(kind, title, unit, tuple(traces), note, bounds, limits, factor=factor)
 
 
+def _settling(run: Run) -> Chart | None:
+    """The deviation of presses under the PID regulator, below the bound of Theorem 4.1."""
+    error, bound = np.full((2, len(run)), np.nan)
+    said = []
+    for each in settlings(run):
+        error[each.rows] = np.where(each.error > _ROUNDING, each.error, np.nan)
+        said.append(each.text)
+        if each.bound is not None:
+            bound[each.rows] = each.bound.at(run.period * np.arange(len(each.error), dtype=float))
+    columns = [column for column in (error, bound) if np.isfinite(column).any()]
+    if not columns:
+        return None
+    factor, unit = scale("m", size(columns))
+    traces = [Trace("||e||", factor * error, "ink")]
+    if len(columns) == 2:
+        traces.append(Trace("bound", factor * bound, "muted", "reference"))
+    title = "Deviation from the equilibrium, and the bound of Theorem 4.1"
+    return Chart("settling", title, unit, tuple(traces), "; ".join(said), log=True)
+
+
 def _inconsistent(run: Run) -> Chart | None:
     """What of the force set points contacts cannot return, where there is any."""
     left = run.column("force_inconsistent")
@@ -168,6 +195,9 @@ def _gap(run: Run, key: str, names: Sequence[str]) -> Chart | None:
     lines = [
         Drawn(n, f"j{i % 7}", n.removesuffix(_GAP), continuous=True) for i, n in enumerate(names)
     ]
+    # Where the joints' references are off an equation, which of them yields is the constraint's.
+    planned = [(n, i) for i, n in enumerate(names) if run.column(f"{n}.ref") is not None]
+    lines += [Drawn(f"{n}.ref", f"j{i % 7}", "of q_d", "reference") for n, i in planned]
     chart = of_signals(
         run,
         key,
@@ -180,6 +210,35 @@ def _gap(run: Run, key: str, names: Sequence[str]) -> Chart | None:
         return None
     near = bands(run, ["gap", *names] if "gap" not in names else names, chart.factor)
     return replace(chart, bands=near)
+
+
+def _residuals(run: Run) -> Chart | None:
+    """What constraints cannot make of set points that are given as joint torques."""
+    names = [n for n in run.columns if n.endswith(".residual") and run.column(n) is not None]
+    lines = [
+        Drawn(n, f"j{i % 7}", n.removesuffix(".residual"), continuous=True)
+        for i, n in enumerate(names)
+    ]
+    title, note = "Joint torques that no force makes", "length of u_phi,d - J_phi^T lambda_d"
+    return of_signals(run, "residual of constraints", title, lines, note, always=(0.0,))
+
+
+def _on_joints(run: Run) -> Iterator[Chart | None]:
+    """Joints on their path: against their references, and the greatest error."""
+    names = [n for n in run.columns if n.startswith("joint.") and n.endswith(".position")]
+    names = [n for n in names if run.column(f"{n}.ref") is not None]
+    if not names:
+        return
+    labels = {n: f"J{n.split('.')[1]}" for n in names}
+    lines = [
+        Drawn(f"{n}.ref", f"j{i % 7}", "ref", "halo", reference_of=labels[n])
+        for i, n in enumerate(names)
+    ]
+    lines += [Drawn(n, f"j{i % 7}", labels[n]) for i, n in enumerate(names)]
+    title = "Joints against their references"
+    yield of_signals(run, "joint path", title, lines, places=True)
+    error, note = [Drawn("joint_error", "ink")], "of the joint farthest from its reference"
+    yield of_signals(run, "joint error", "Joint error", error, note, always=(0.0,))
 
 
 def _mechanisms(run: Run, signal: str, title: str, *, places: bool = False) -> Chart | None:

@@ -57,7 +57,7 @@ def overview_svg(
 
 
 def _chosen(run: Run, parts: Sequence[Section]) -> list[Chart]:
-    """Force against reference, else all forces; what limits were about; and the position."""
+    """Force against reference, else all forces; what limits were about; settling; the position."""
     charts = {chart.key: chart for part in parts for chart in part.charts}
     controlled = [chart for key, chart in charts.items() if key.endswith(".ref")]
     controlled.sort(key=_interest)
@@ -66,7 +66,8 @@ def _chosen(run: Run, parts: Sequence[Section]) -> list[Chart]:
         return [*sorted(controlled, key=lambda chart: chart.key)[:2], left]
     first = controlled[0] if controlled else _borne(charts.get("force"))
     stopped = _at_their_limits(run, charts.get("joint positions"))
-    return [c for c in (first, stopped, charts.get("position")) if c is not None]
+    found = (first, stopped, charts.get("settling"), charts.get("position"))
+    return [c for c in found if c is not None]
 
 
 def _at_their_limits(run: Run, joints: Chart | None) -> Chart | None:

@@ -123,7 +123,7 @@ def _outcome(run: Run, said: Verdict, drawn: bool) -> Markup:
     around = _around(run)
     look = None
     if around and drawn:
-        look = button("Look there", "look", data_start=around[0], data_end=around[1])
+        look = button("Show in charts", "look", data_start=around[0], data_end=around[1])
     word, first = sign(said.kind) + said.kind, said.first
     why = [element("p", prose(said.sentence))]
     suspected = [element("p", prose(text)) for text in mirrored(run)]
@@ -223,7 +223,7 @@ def _expectations(run: Run, said: Verdict) -> Markup:
     partial = "" if said.kind in ("passed", "done", "missed") else " pale"
     until = "Judged on what there was until then." if so_far(run) and rows else ""
     shown = table(
-        ["", "Expected", "Found", Heading("Margin", "margin")],
+        ["", "Expected", "Measured", Heading("Margin", "margin")],
         rows,
         f"judged expectations{partial}",
     )
@@ -263,7 +263,7 @@ def _findings(run: Run) -> Markup:
         )
         for each in run.findings
     ]  # fmt: skip
-    found = table(["", "Stage", "Found"], rows, "judged pale")
+    found = table(["", "Stage", "Measured"], rows, "judged pale")
     return section("Oscillation and saturation", found, look="first")
 
 
@@ -275,7 +275,7 @@ def _still(still: tuple[str, float] | None) -> Markup:
     axes = Markup(", ").join(element("b", text, class_=look) for look, text in legend.items())
     text = joined(
         element("b", "Arrow", class_="applied"), ": the force that the robot applies. Frame: ",
-        axes, ". Pale: ", element("b", "reference", class_="wanted"), "; dark: way of the tool.",
+        axes, ". Pale: ", element("b", "reference", class_="wanted"), "; dark: tool path.",
     )  # fmt: skip
     what = f"The arm at {still[1]:.2f} s"
     picture = element("img", src=still[0], width=1120, height=490,
@@ -378,7 +378,7 @@ def _version(run: Run) -> str:
 
 
 def _truth(run: Run) -> Markup:
-    """Where the world or the robot was not as the controller was told, and what failed."""
+    """Where world and robot differ from the controller's model, and what failed."""
     differs = []
     for each in mappings(mapping(run.summary.get("world")).get("differs")):
         written = each.get("written")
@@ -386,8 +386,10 @@ def _truth(run: Run) -> Markup:
             differs.append([code(_text(each.get("path"))), *map(_text, written)])
     faults = ([each.text, each.when] for each in fault_times(run.summary))
     return _of_tables(
-        "What the controller is not told",
-        table(["Of the world and the robot", right("Told"), right("True")], differs, "metrics"),
+        "Model mismatch",
+        table(
+            ["Of the world and the robot", right("Nominal"), right("Actual")], differs, "metrics"
+        ),
         table(["Fault", right("When")], faults, "metrics"),
     )
 

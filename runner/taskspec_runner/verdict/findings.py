@@ -225,7 +225,7 @@ class _Look:
             if not np.any(self._columns.get("force_inconsistent", 0.0) > 0):
                 found.append(f"{axis.effort}.{axis}")
         for name, point in plan.spec.constraints.items():
-            if self._is_known(point.wanted):
+            if all(map(self._is_known, point.expressions)):
                 found += [n for n in set_points(self._columns) if n.startswith(f"{name}.")]
         columns = [self._columns[f"{n}.ref"] for n in found if f"{n}.ref" in self._columns]
         return [*columns, *self._moving()]

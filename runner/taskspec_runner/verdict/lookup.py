@@ -162,9 +162,9 @@ class Lookup:
     def _absent(self, name: tree.Name, meaning: Meaning) -> str:
         if self._lacks(name):
             return f"{name} was not recorded"
-        if meaning.kind == "joint":
+        if meaning.kind == "joint" and not meaning.beside:
             columns = (*self._history.columns, *self._history.unrecorded)
-            number = sum(c.startswith("joint.") for c in columns) // 3
+            number = sum(c.startswith("joint.") and c.endswith(".torque") for c in columns)
             return f"the arm has {number} joints, no joint {meaning.subject}"
         if meaning.axis:
             return f"{name} has no value: the arm does not move along {meaning.axis}"

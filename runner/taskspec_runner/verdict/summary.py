@@ -28,6 +28,7 @@ from taskspec_runner.loop.interrupt import BY_SIGNAL
 from taskspec_runner.record.fault_time import FaultTime
 from taskspec_runner.record.history import History
 from taskspec_runner.verdict.diagnosed import diagnosed
+from taskspec_runner.verdict.drift import drift
 from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.performance import performance
@@ -136,6 +137,7 @@ def summarise(
         "expectations": [j.as_data() for j in judged],
         "findings": [each.as_data() for each in found],
         **protected(program, history, context.period),
+        **drift(program, history),
         **performance(program, history, judged, simulated.solver_counts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},
         "stage_limits": {

@@ -398,5 +398,6 @@ class Machine:
 
     def named_outputs(self) -> dict[str, Vector]:
         """The last outputs by name."""
-        named = slices(fields_of(self.stage.plan.context.loaded.task))
+        context = self.stage.plan.context
+        named = slices(fields_of(context.loaded.task, context.robot.n))
         return {name: self.outputs[where] for name, where in named.items()}

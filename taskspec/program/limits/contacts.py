@@ -177,7 +177,7 @@ def equation_contact(row: EquationRow, name: str, measured: ca.SX, stiffness: fl
         row: the equation.
         name: its name.
         measured: what the robot applies along its gradient.
-        stiffness: nominal [N/m, N m/rad].
+        stiffness: nominal [N/m, N m/rad]; without bounds where it holds exactly.
     """
     relation, sign = row.model.constraint.relation, pushing(row)
     return ContactRow(

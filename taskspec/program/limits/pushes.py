@@ -5,6 +5,7 @@ Pushes out of their bounds are clamped along the normals alone, before anything 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -159,6 +160,9 @@ def _push_bounds(
     if not free:
         assert cap is not None
         k, cap = contact.stiffness, contact.highest(cap)
+        if math.isinf(k):
+            # Nothing moves along it: what is pushed with is the force at once.
+            return (-cap if contact.both_ways else lower), cap
         # What is measured is a period old.
         now = contact.measured + k * period * ca.fmax(contact.closing, 0)
         upper = highest_push(cap, now, contact.closing, mass, k)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -25,6 +26,7 @@ from taskspec.program.reference.constraints import equation_gains
 from taskspec.program.sensor import SensorModel
 from taskspec.program.world.moving_base import MovingBase
 from taskspec.program.world.stiffness import GRIP
+from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.operational import SINGULAR
 from taskspec.spec import Law
 from taskspec.spec.law import Worth
@@ -108,6 +110,20 @@ class DesignRules:
             gains["joint_damping"] = law.design_joints(self._joint_plants(stiffness))
         return Design(gains, consistent)
 
+    def in_joints(self) -> Design:
+        """Gains of a path of joints: of the motion of each joint, and of the constraints."""
+        context, law, values = self._context, self._law, self._range.nominal
+        gains: Gains = {}
+        free = np.zeros((len(self._kinematics.axes), len(self._kinematics.axes)))
+        for i, plant in enumerate(self._joint_plants(free)):
+            designed = law.design_joint(plant, turns=turns_at(context.robot, i), worth=values)
+            for gain, value in designed.items():
+                gains.setdefault(gain, {})[f"joint.{i + 1}"] = value
+        equations = equation_gains(context, law, self._active, context.equations, values)
+        for gain, by in equations.items():
+            gains.setdefault(gain, {}).update(by)
+        return Design(gains)
+
     @cached_property
     def _mobility(self) -> Vector:
         """(m, m) J H^-1 J^T on the axes at the start pose."""
@@ -166,8 +182,12 @@ class DesignRules:
         return (1 - pole) * float(np.max(np.linalg.eigvals(held @ free).real))
 
     def _pressed(self, axis: Axis) -> float:
-        """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not."""
-        return self.plants[axis].k if self._plans[axis].set_point else 0.0
+        """Stiffness of the contact that an axis presses on [N/m, N m/rad]; 0 where it does not.
+
+        Along an exact equation nothing moves that joints could damp.
+        """
+        k = self.plants[axis].k if self._plans[axis].set_point else 0.0
+        return k if math.isfinite(k) else 0.0
 
     def _joint_plants(self, stiffness: Vector) -> list[AxisPlant]:
         """Inertia and stiffness about each joint at the start pose.

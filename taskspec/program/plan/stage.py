@@ -6,6 +6,7 @@ import copy
 import math
 from collections.abc import Callable
 from functools import cached_property
+from graphlib import TopologicalSorter
 from typing import Any, Self
 
 import numpy as np
@@ -29,8 +30,9 @@ from taskspec.program.plan.kinematics import StageKinematics
 from taskspec.program.plan.set_points import StageSetPoints
 from taskspec.program.reference.axis_plan import AxisPlan, plan_axes, uncontrolled
 from taskspec.program.reference.constraints import active_equations
+from taskspec.program.reference.joint_motion import JointMotion
 from taskspec.program.reference.path_share import least_share, nominal_share
-from taskspec.program.reference.paths import joint_path, path_shape
+from taskspec.program.reference.paths import by_phase, joint_path, path_shape
 from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
@@ -95,7 +97,7 @@ class StagePlan:
         return other
 
     @cached_property
-    def joint_path(self) -> JointPath | None:
+    def joint_path(self) -> JointPath | JointMotion | None:
         """Its path of joints; None where it is the axes of the tool that are controlled.
 
         Raises:
@@ -105,10 +107,16 @@ class StagePlan:
 
     @cached_property
     def law(self) -> Law:
-        """The stage's law: its own replaces the file's, and a path of joints has but one."""
-        if self.spec.path is not None and self.spec.path.joints is not None:
+        """The stage's law: its own replaces the file's.
+
+        A path of joints has one of its own, but where constraints are on it.
+        """
+        law = self.spec.law or self.context.loaded.task.law
+        if self.spec.path is None or self.spec.path.joints is None:
+            return law
+        if self.spec.law is None and not active_equations(law, self.spec, self.context.equations):
             return JOINT_LAW
-        return self.spec.law or self.context.loaded.task.law
+        return law.model_copy(update={"orientation": "so3"})  # No axis turns by its angles.
 
     @cached_property
     def limits(self) -> Limits:
@@ -249,12 +257,7 @@ class StagePlan:
 
         None where a force or a velocity of the stage goes by the same t: the phase is kept.
         """
-        spec = self.spec
-        others = [entry.set_point.wanted for entry in spec.axes.values() if entry.set_point]
-        others += [point.wanted for point in spec.constraints.values()]
-        for entry in spec.axes.values():
-            others += [e for e, place in entry.mode.expressions() if not place]
-        if any(expression.uses("t") for expression in others):
+        if by_phase(self.spec):
             return frozenset()
         return frozenset(a for a, plan in self.plans.items() if plan.mode.own_time)
 
@@ -277,6 +280,18 @@ class StagePlan:
             UncoupledError: the mechanism's geometry asks for no motion of an axis.
         """
         return {a: c for a in self.plans if (c := self.coupling_of(a)) is not None}
+
+    @cached_property
+    def leaders_first(self) -> tuple[Axis, ...]:
+        """Its axes, each after those that it follows; those that follow nothing in their order.
+
+        Raises:
+            CycleError: axes follow each other.
+        """
+        leaders = {a: set(plan.mode.leaders) & self.plans.keys() for a, plan in self.plans.items()}
+        for axis, coupling in self.couplings.items():
+            leaders[axis] |= {coupling.leader} if coupling.leader is not None else set()
+        return tuple(TopologicalSorter(leaders).static_order())
 
     def coupling_of(self, axis: Axis) -> Coupling | None:
         """How an axis follows its mechanism; None where it follows none.
@@ -315,8 +330,10 @@ class StagePlan:
 
     def by_rules(self) -> Design:
         """What the law's rules give."""
-        if self.joint_path is not None:
+        if self.law is JOINT_LAW:
             return Design(COMPUTED_TORQUE.joint_gains(self.context.robot.n))
+        if self.joint_path is not None:
+            return self.design_rules.in_joints()
         return self.design_rules.design()
 
     def designed_as(self, design: Design) -> Self:

@@ -13,6 +13,7 @@ from taskspec.program.context import Context
 from taskspec.program.plan.design import Design
 from taskspec.program.plan.stage import StagePlan
 from taskspec.program.prepare import prepare
+from taskspec.program.reference.paths import joint_end
 from taskspec.program.trajectory import Nominal
 
 Vector = NDArray[np.float64]
@@ -100,7 +101,9 @@ def _contexts(context: Context) -> Iterator[tuple[str, Context]]:
         path = spec.path
         if path is None or path.joints is None:
             continue
-        target = path.joints[-1]
+        target = joint_end(context, path.joint_motion, path.time or 0.0)
+        if path.joint_targets:
+            target = np.array(path.joint_targets[-1], dtype=float)
         # What does not fit the arm is for the rules to say.
-        if len(target) == context.robot.n:
-            context = prepare(context.loaded, context.robot, np.array(target, dtype=float))
+        if target is not None and len(target) == context.robot.n:
+            context = prepare(context.loaded, context.robot, target)

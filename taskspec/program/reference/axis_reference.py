@@ -24,6 +24,7 @@ class AxisReference:
         value: r [m, rad].
         rate: r' [m/s, rad/s].
         acceleration: r'' [m/s^2, rad/s^2].
+        released: the part of r that stands for a force which the last stage held [m, rad].
         own: the mode's own r(t) before blending, and its rate; for the hand-over.
         memory: what the mode memorises of this tick, by slot.
     """
@@ -32,6 +33,7 @@ class AxisReference:
     value: ca.SX
     rate: ca.SX
     acceleration: ca.SX
+    released: ca.SX
     own: tuple[ca.SX, ca.SX]
     memory: Mapping[str, ca.SX] = field(default_factory=dict)
 
@@ -61,4 +63,5 @@ def axis_reference(mode: AxisMode, at: ReferenceInputs, added: Blending) -> Axis
         added: at the stage start.
     """
     own = mode.reference(at)
-    return AxisReference(mode, *mode.blended(own, added), (own.value, own.rate), own.memory)
+    blended = mode.blended(own, added)
+    return AxisReference(mode, *blended, added.released, (own.value, own.rate), own.memory)

@@ -241,6 +241,35 @@ def constraint_set(
     )
 
 
+def joint_constraint_set(
+    rows: Mapping[str, EquationRow],
+    measured: Mapping[str, ca.SX],
+    turns: Sequence[bool],
+    parameters: Slots,
+) -> ConstraintSet | None:
+    """The constraints of a stage with a path of joints, which decide about joints; None without.
+
+    Args:
+        rows: the equations that constrain the stage.
+        measured: reaction of each of them.
+        turns: which joints are hinges.
+        parameters: where the selection takes its slot.
+    """
+    if not rows:
+        return None
+    n = len(turns)
+    return ConstraintSet(
+        names=tuple(rows),
+        J=ca.vertcat(*(row.J for row in rows.values())),
+        gamma=ca.vertcat(*(row.gamma for row in rows.values())),
+        closing=ca.vertcat(*(row.closing for row in rows.values())),
+        measured=ca.vertcat(*(measured[name] for name in rows)),
+        candidates=ca.SX.eye(n),
+        weights=np.array([NAMED / (ARM_LENGTH if turn else 1.0) for turn in turns]),
+        selection=ca.reshape(parameters.add("selection", n * len(rows)), n, len(rows)),
+    )
+
+
 def _measured(
     state: TaskState,
     forced: Sequence[str],

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import casadi as ca
 
 from taskspec.control.state import TaskState, task_state
 from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression
+from taskspec.expression.tree import Name
 from taskspec.program import ports, signals
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.clock import Clock
@@ -81,9 +83,21 @@ class Measurement:
         """Model terms against the world."""
         return self.inputs.terms
 
-    def translate(self, expression: Expression) -> ca.SX:
-        """An expression of the file, in signals as far as they are known."""
-        return self.algebra.translate(expression, self.table.lookup)
+    def translate(
+        self, expression: Expression, coordinates: Mapping[str, ca.SX] = MappingProxyType({})
+    ) -> ca.SX:
+        """An expression of the file, in signals as far as they are known.
+
+        Args:
+            expression: of the file.
+            coordinates: what the names of axes stand for in it.
+        """
+
+        def lookup(name: Name) -> ca.SX:
+            found = coordinates.get(str(name))
+            return self.table.lookup(name) if found is None else found
+
+        return self.algebra.translate(expression, lookup)
 
 
 def measure(plan: StagePlan) -> Measurement:

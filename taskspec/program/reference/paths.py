@@ -6,6 +6,9 @@ import math
 from dataclasses import replace
 from pathlib import Path as FilePath
 
+import numpy as np
+from numpy.typing import NDArray
+
 from taskspec.expression import Expression
 from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.motion.joint_path import JointPath
@@ -14,11 +17,14 @@ from taskspec.motion.paths import PathForm, TableFile
 from taskspec.motion.table import OutsideError, Table, TableError, read_table
 from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
+from taskspec.program.known_value import known_value
+from taskspec.program.reference.joint_motion import JointMotion
 from taskspec.program.reference.path_share import values_within
 from taskspec.robot import RobotError
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.start import check_joints, inside_limits
 from taskspec.spec import FILE, KeyPath, Path, Stage
+from taskspec.spec.quantities import DimensionedNumber
 from taskspec.text.codes import register
 from taskspec.text.confines import REMEDY, confines, here
 from taskspec.text.units import ANGLE, LENGTH, TIME, alternatives, fitting, parse_unit
@@ -97,7 +103,7 @@ def path_shape(
     return PathShape(form, driven, speed=most, slowed=path.speed)
 
 
-def joint_path(context: Context, name: str, stage: Stage) -> JointPath | None:
+def joint_path(context: Context, name: str, stage: Stage) -> JointPath | JointMotion | None:
     """The path of joints of stage `name`; None where it has none.
 
     Raises:
@@ -108,8 +114,10 @@ def joint_path(context: Context, name: str, stage: Stage) -> JointPath | None:
     if path is None or path.joints is None:
         return None
     robot, place = context.robot, FILE.stages[name].path.joints
-    several = len(path.joints) > 1
-    for i, target in enumerate(path.joints):
+    if path.joint_motion:
+        return _joint_motion(context, name, stage, path.joint_motion)
+    several = len(path.joint_targets) > 1
+    for i, target in enumerate(path.joint_targets):
         of = f"target {i + 1} of the path" if several else "the path"
         try:
             check_joints(robot, target, of, ())
@@ -129,8 +137,56 @@ def joint_path(context: Context, name: str, stage: Stage) -> JointPath | None:
             "give the path a `time`",
         )
     return JointPath(
-        tuple(tuple(map(float, target)) for target in path.joints), path.joint_speed, path.time
+        tuple(tuple(map(float, target)) for target in path.joint_targets),
+        path.joint_speed,
+        path.time,
     )
+
+
+def _joint_motion(
+    context: Context, name: str, stage: Stage, positions: tuple[Expression, ...]
+) -> JointMotion:
+    """A path of joints that are expressions of time."""
+    path, place = stage.path, FILE.stages[name].path.joints
+    assert path is not None
+    assert path.time is not None
+    params = {param: quantity.value for param, quantity in context.loaded.task.params.items()}
+    measured = [
+        DimensionedNumber(0.0, None if known_value(context, each) == 0 else each.dimension)
+        for each in positions
+    ]
+    try:
+        check_joints(context.robot, measured, "the path", ())
+    except RobotError as error:
+        raise spec_error(context.loaded, place, error.code, error.message, error.hint) from error
+    by_t = any(each.uses("t") for each in positions)
+    return JointMotion(
+        positions=positions,
+        time=path.time,
+        turns=tuple(turns_at(context.robot, i) for i in range(context.robot.n)),
+        from_rest=by_t
+        and not any(each.uses("clock") for each in positions)
+        and not by_phase(stage),
+        params=params,
+    )
+
+
+def joint_end(
+    context: Context, positions: tuple[Expression, ...], time: float
+) -> NDArray[np.float64] | None:
+    """(n,) where joints are that go by expressions of time when that is over; None if unknown."""
+    found = [known_value(context, each, {"t": time}) for each in positions]
+    known = [each for each in found if each is not None]
+    return np.array(known, dtype=float) if len(known) == len(found) else None
+
+
+def by_phase(stage: Stage) -> bool:
+    """Whether a force or a velocity of a stage goes by its t, so that others keep their phase."""
+    others = [entry.set_point.wanted for entry in stage.axes.values() if entry.set_point]
+    others += [each for point in stage.constraints.values() for each in point.expressions]
+    for entry in stage.axes.values():
+        others += [e for e, place in entry.mode.expressions() if not place]
+    return any(expression.uses("t") for expression in others)
 
 
 def _laid(context: Context, form: PathForm, axes: tuple[Axis, ...], place: KeyPath) -> None:

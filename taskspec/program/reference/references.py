@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import casadi as ca
 
@@ -14,7 +15,8 @@ from taskspec.motion.path import PathShape
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import force_references
 from taskspec.program.reference.axis_reference import AxisReference, axis_reference, blendings
-from taskspec.program.reference.coordinates import frame_coordinates
+from taskspec.program.reference.coordinates import Coordinates, frame_coordinates
+from taskspec.program.reference.measured_axis import measured_axis
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
 from taskspec.program.reference.slowed_path import path_time
@@ -37,7 +39,7 @@ def build_references(plan: StagePlan, measurement: Measurement) -> ReferenceSet:
         for name, axis in plans.items()
         if axis.set_point
     }
-    motions = _motions(plan, measurement, forces, along[0])
+    motions = _motions(plan, measurement, coordinates, forces, along[0])
     normals = force_references.open_loop_normals(plan, measurement)
     tracked = track(coordinates, motions, normals)
     table.situation.error = {a: e for a, e in tracked.error.items() if plans[a].motion}
@@ -69,6 +71,7 @@ def _path_done(plan: StagePlan, measurement: Measurement, along: ca.SX | None) -
 def _motions(
     plan: StagePlan,
     measurement: Measurement,
+    coordinates: Coordinates,
     forces: Mapping[Axis, ca.SX],
     along: ca.SX | None,
 ) -> dict[Axis, AxisReference]:
@@ -77,13 +80,13 @@ def _motions(
     parameters = measurement.parameters
     on_path = _path(plan.path, along, parameters)
     moving = {name: axis for name, axis in plan.plans.items() if axis.motion}
+    ordered = [name for name in plan.leaders_first if name in moving]
     # What starts from rest in a time of its own waits until it is reached.
     wait = parameters.add("wait") if plan.from_rest else ca.SX(0)
     from_rest = blend.from_rest(measurement.clock.t - wait)
     added = blendings(list(moving), measurement.clock, parameters)
     references: dict[Axis, AxisReference] = {}
-    # An axis that follows another one comes after it.
-    for name, axis in sorted(moving.items(), key=lambda item: item[0] in plan.couplings):
+    for name in ordered:
         at = ReferenceInputs(
             axis=name,
             plan=plan,
@@ -97,9 +100,10 @@ def _motions(
             forces=forces,
             tracked=measurement.tracked,
             others=references,
+            measured=partial(measured_axis, coordinates),
             from_rest=from_rest,
         )
-        references[name] = axis_reference(axis.mode, at, added[name])
+        references[name] = axis_reference(moving[name].mode, at, added[name])
     return references
 
 

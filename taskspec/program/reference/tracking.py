@@ -67,8 +67,18 @@ def _rotations(on: Coordinates, motions: Mapping[Axis, AxisReference], out: Trac
     rate = [motions[a].rate if a in motions else zero for a in AXES[3:]]
     acceleration = [motions[a].acceleration if a in motions else zero for a in AXES[3:]]
     theta, theta_rate = ca.vertcat(*angle), ca.vertcat(*rate)
-    own = rotation_rate(theta, theta_rate, [m for m in motions if m.is_rotation], motions)
-    own_acceleration = ca.vertcat(*acceleration) if own is theta_rate else on.clock.rate(own)
+    turning = [m for m in motions if m.is_rotation]
+    own = rotation_rate(theta, theta_rate, turning, motions)
+    if own is theta_rate:
+        own_acceleration = ca.vertcat(*acceleration)
+    else:
+        own_acceleration = on.clock.rate(own)
+        if any(motions[m].mode.leaders for m in turning):
+            state = ca.SX.sym("state", 6)
+            of_state = rotation_rate(state[:3], state[3:], turning, motions)
+            now = ca.vertcat(theta, theta_rate)
+            bend = ca.vertcat(theta_rate, *acceleration)
+            own_acceleration = ca.substitute(ca.jtimes(of_state, state, bend), state, now)
     # log(B Exp(theta) Q R^T) = B log(Exp(theta) (B^T R Q^T)^T): the rotation made so far serves
     # both as coordinate and in the error.
     follow = rotation.log(rotation.exp(theta) @ on.turned.T)
@@ -125,8 +135,9 @@ def _turning(
     """Tracking of the coordinates of a handle's circle and thread."""
     _fixed(on, motions, normals, out)
     rates = ca.vertcat(*(out.velocity.get(a, ca.SX(0)) for a in AXES[:3]))
-    wanted = _velocity_map(on) @ rates
-    wanted_rate = on.clock.total_rate(wanted, on.terms)
+    along = _velocity_map(on)
+    wanted = along @ rates
+    wanted_rate = on.clock.total_rate(wanted, on.terms) + along @ _coupled(on, motions)
     for name in _translations(on):
         i = AXES.index(name)
         out.velocity[name], out.acceleration[name] = wanted[i], wanted_rate[i]
@@ -185,6 +196,7 @@ def _carried(
         out.updates[f"distance.{a}"] = on.position.get(a, ca.SX(0))
     wanted = _point_velocity(on, motions, spin)
     wanted_rate = on.clock.total_rate(wanted, on.terms) if following else on.clock.rate(wanted)
+    wanted_rate += _over(on, _coupled(on, motions))
     for name in names:
         i, motion = AXES.index(name), motions.get(name)
         if following and name == "z":
@@ -218,11 +230,31 @@ def _way(on: Coordinates, motions: Mapping[Axis, AxisReference]) -> ca.SX:
 def _point_velocity(on: Coordinates, motions: Mapping[Axis, AxisReference], spin: ca.SX) -> ca.SX:
     """Velocity (3,) of the control point that realises the reference's rates, frame axes."""
     rates = ca.vertcat(*(motions[a].rate if a in motions else 0 for a in AXES[:3]))
+    over = _over(on, rates)
+    return over if on.frame.kind == "tool" else over - ca.cross(spin, on.at.R.T @ on.tool.lever)
+
+
+def _over(on: Coordinates, rates: ca.SX) -> ca.SX:
+    """Velocity (3,) of the tool point at rates (3,) of the coordinates, frame axes."""
     if on.frame.kind == "tool":
         return rates
     assert on.at.foot_map is not None
-    over = ca.vertcat(_solve2(on.at.foot_map, rates[:2]), rates[2])
-    return over - ca.cross(spin, on.at.R.T @ on.tool.lever)
+    return ca.vertcat(_solve2(on.at.foot_map, rates[:2]), rates[2])
+
+
+def _coupled(on: Coordinates, motions: Mapping[Axis, AxisReference]) -> ca.SX:
+    """(3,) the part of couplings' accelerations that time alone does not decide.
+
+    A leader that is integrated moves on by memory, of which a derivative by time knows nothing.
+    """
+    return ca.vertcat(
+        *(
+            motions[a].acceleration - on.clock.rate(motions[a].rate)
+            if a in motions and motions[a].mode.leaders
+            else ca.SX(0)
+            for a in AXES[:3]
+        )
+    )
 
 
 def _translations(on: Coordinates) -> list[Axis]:

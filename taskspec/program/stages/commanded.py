@@ -12,7 +12,11 @@ from taskspec.laws.case import Case
 from taskspec.program.events import Condition
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import orientation
-from taskspec.program.reference.constraints import ConstraintSet, constraint_set
+from taskspec.program.reference.constraints import (
+    ConstraintSet,
+    constraint_set,
+    joint_constraint_set,
+)
 from taskspec.program.reference.joint_reference import joint_reference
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
@@ -21,6 +25,7 @@ from taskspec.program.stages import carried_torque
 from taskspec.program.stages.free_directions import free_directions
 from taskspec.program.stages.multipliers import EquationForces, constrain, equation_forces
 from taskspec.program.stages.null_space import null_space_acceleration
+from taskspec.robot.inverse_kinematics import turns_at
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,28 +68,35 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
     state, references, conditions = orientation.restate(
         law, measured, built, measurement.at.R.T @ measurement.terms.R, measurement.table
     )
-    forces = equation_forces(plan, measurement)
+    joints = None
+    if plan.joint_path is not None:
+        joints = joint_reference(plan.joint_path, measurement)
+        measurement.table.situation.joint_error = ca.mmax(ca.fabs(joints.error))
+    forces = equation_forces(plan, measurement, joints)
     on_path = plan.path.axes if plan.path is not None else ()
     chosen = control = None
-    if law.control_law.multipliers:
+    rows = {name: measurement.rows[name] for name in plan.active}
+    if joints is not None:
+        turns = [turns_at(context.robot, i) for i in range(context.robot.n)]
+        chosen = joint_constraint_set(rows, measurement.reactions, turns, measurement.parameters)
+    elif law.control_law.multipliers:
         chosen = constraint_set(
             state=state,
             forced=[a for a in plan.axes if plan.plans[a].force],
             named=[*plan.spec.axes, *on_path],
-            rows={name: measurement.rows[name] for name in plan.active},
+            rows=rows,
             measured=measurement.reactions,
             references=references.law,
             parameters=measurement.parameters,
         )
     if chosen:
         control = constrain(chosen, forces, references, measurement.clock, measurement.parameters)
-    posture = null_space_acceleration(
-        law, context, measurement.state, measurement.world, inputs.q, inputs.v
-    )
-    plans, joints = plan.plans, None
-    if plan.joint_path is not None:
-        joints = joint_reference(plan.joint_path, measurement)
-        measurement.table.situation.joint_error = ca.mmax(ca.fabs(joints.error))
+    posture = None
+    if joints is None:  # Else all joints are led.
+        posture = null_space_acceleration(
+            law, context, measurement.state, measurement.world, inputs.q, inputs.v
+        )
+    plans = plan.plans
     case = Case(
         state=state,
         reference=references.law,

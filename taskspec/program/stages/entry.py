@@ -18,8 +18,8 @@ from taskspec.motion.path import PathPlan
 from taskspec.motion.polynomial import PiecewiseCubic
 from taskspec.program.plan import StagePlan
 from taskspec.program.ports import HANDED, PROBE, slices
-from taskspec.program.reference import joint_reference
 from taskspec.program.reference.force_references import kept_slot
+from taskspec.program.reference.joint_reference import TIMING, joint_start
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.slots import Slots, gain_slot
 from taskspec.program.world import estimated_frames, tracked_frames
@@ -93,7 +93,8 @@ class Entering:
         self.plan, self.gains = plan, gains
         self.probe, self.own = probe, own
         self.layouts = {"memory": measurement.memory, "parameters": measurement.parameters}
-        self.inputs = measurement.inputs
+        self.inputs, self.clock = measurement.inputs, measurement.clock
+        self.translate = measurement.translate
         self.equations = tuple(measurement.rows)
         at_start = ca.vertcat(0, self.inputs.now[1:])
         self.given = [at_start, *self.inputs.symbols()[1:]]
@@ -320,12 +321,13 @@ class Entering:
                 ends.append(path.duration)
             self._write("path_end", path.duration)
         if self.plan.joint_path is not None:
-            timing = self.plan.joint_path.timing(self.inputs.q)
-            cubics[joint_reference.TIMING] = timing
-            self._write(joint_reference.START, self.inputs.q)
-            self._write(joint_reference.RATE, self.inputs.v)
-            ends.append(timing.rests)
-            self._write("path_end", timing.rests)
+            begun = joint_start(self.plan.joint_path, self.inputs, self.clock, self.translate)
+            if begun.timing is not None:
+                cubics[TIMING] = begun.timing
+            for slot, value in begun.parameters.items():
+                self._write(slot, value)
+            ends.append(begun.lasts)
+            self._write("path_end", begun.lasts)
         for slot, cubic in cubics.items():
             self._write(slot, cubic.segment_at_start())
         for name, start in going.start.items():
@@ -335,10 +337,13 @@ class Entering:
 
     def _blend(self, going: _Continuation) -> None:
         """Chooses each axis's blending so that its reference continues the one handed over."""
-        own, own_rate = self.own(*self.given, self._vector("memory"), self._vector("parameters"))
+        own, own_rate = self._own()
         wait = ca.SX(0)
-        for name, axis in self.plan.plans.items():
-            i = AXES.index(name)
+        for name in self.plan.leaders_first:
+            axis, i = self.plan.plans[name], AXES.index(name)
+            if axis.mode.leaders:
+                # What it starts from follows from what has been chosen for its leaders.
+                own, own_rate = self._own()
             handed = axis.mode.hand_over(
                 StageStart(
                     axis=name,
@@ -358,6 +363,11 @@ class Entering:
             self._write(f"slope.{name}", handed.slope)
             self._write(f"blend.{name}", handed.time)
         self._write("wait", wait)
+
+    def _own(self) -> tuple[ca.SX, ca.SX]:
+        """(6,), (6,) own(0) and own'(0) of every axis, by what has been chosen so far."""
+        found = self.own(*self.given, self._vector("memory"), self._vector("parameters"))
+        return found[0], found[1]
 
     def _start_memory(self, going: _Continuation) -> None:
         """The point that references move along, and integrals that hold the measured force."""

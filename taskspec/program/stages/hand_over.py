@@ -35,8 +35,8 @@ def leaving(plan: StagePlan) -> ca.Function:
         if axis.motion and not axis.force and not axis.open_loop
     )
     axes = tuple(name.row for name in plan.plans)
-    angles, task = representation_of(plan.law), plan.context.loaded.task
-    size = sum(length for _, length in fields_of(task))
+    angles, context = representation_of(plan.law), plan.context
+    size = sum(n for _, n in fields_of(context.loaded.task, context.robot.n))
     if plan.moving_base is None:
         return _leaving_still(axes, forced, tracked, angles, size)
     return _leaving(axes, forced, tracked, angles, size, plan.moving_base)
@@ -56,7 +56,7 @@ def _leaving(
         axes: rows of the axes that are controlled, and of those `forced`, which have a force set
             point, and `tracked`, which hand on the reference of their motion.
         angles: in which the law measures orientation; None for the rotation vector.
-        size: of the outputs.
+        size: how many outputs there are.
         base: that carries the frame.
     """
     outputs, clock = ca.SX.sym("outputs", size), ca.SX.sym("clock")

@@ -6,11 +6,13 @@ import casadi as ca
 
 from taskspec.control.reference import opposite
 from taskspec.deferred_methods import dataclass
+from taskspec.laws.case import JointReference
 from taskspec.laws.multipliers import Multipliers
 from taskspec.motion import blend
+from taskspec.program.algebra import length
 from taskspec.program.clock import Clock
 from taskspec.program.plan import StagePlan
-from taskspec.program.reference.constraints import ConstraintSet
+from taskspec.program.reference.constraints import ConstraintSet, spread
 from taskspec.program.reference.force_references import risen, wound
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.reference.reference_set import ReferenceSet
@@ -25,21 +27,51 @@ class EquationForces:
         desired: by equation [N, N m].
         integrals: of desired - measured.
         updates: of the memory.
+        gaps: distance of the joints' references from each equation, phi(q_d) [m, rad]; empty
+            where no path of joints is followed.
+        residuals: length of what is left of the joint torques that set points are given as,
+            u_phi,d - J_phi^T lambda_d [N m].
     """
 
     desired: dict[str, ca.SX]
     integrals: dict[str, ca.SX]
     updates: dict[str, ca.SX]
+    gaps: dict[str, ca.SX]
+    residuals: dict[str, ca.SX]
 
 
-def equation_forces(plan: StagePlan, measurement: Measurement) -> EquationForces:
-    """References of the active equations; one without a set point is to bear no force."""
+def equation_forces(
+    plan: StagePlan, measurement: Measurement, joints: JointReference | None
+) -> EquationForces:
+    """References of the active equations; one without a set point is to bear no force.
+
+    One that is given as joint torques is lambda_d = (J_phi J_phi^T)^-1 J_phi u_phi,d (4.103), with
+    J_phi at the references of the joints, or where they are measured in a stage that has none.
+
+    Args:
+        plan: of the stage.
+        measurement: of it.
+        joints: references of its path of joints, if it has one.
+    """
     context = plan.context
-    found, gains = EquationForces({}, {}, {}), plan.gains
+    found, gains = EquationForces({}, {}, {}, {}, {}), plan.gains
+    now, models = measurement.clock.clock, context.equations
+    rows = {name: model.on_joints(context.robot) for name, model in models.items()}
+    if joints is not None:
+        found.gaps.update((name, row(joints.position, now)[0]) for name, row in rows.items())
     for name in plan.active:
         slot = f"equation.{name}"
         point = plan.spec.constraints.get(name)
-        wanted = ca.SX(0) if point is None else measurement.translate(point.wanted)
+        if point is None:
+            wanted = ca.SX(0)
+        elif point.wanted is not None:
+            wanted = measurement.translate(point.wanted)
+        else:
+            q = measurement.inputs.q if joints is None else joints.position
+            J = rows[name](q, now)[1]
+            u = ca.vertcat(*(measurement.translate(each) for each in point.expressions))
+            wanted = spread(J, u)
+            found.residuals[name] = length(u - J.T @ wanted)
         ramp = None if point is None else point.ramp
         rising = risen(slot, wanted, ramp, measurement.clock, measurement.parameters)
         force = found.desired[name] = measurement.infeasible.reachable(name, rising)

@@ -49,6 +49,7 @@ def outputs(
     measurement: Measurement,
     commanded: Commanded,
     limited: Resolved | None,
+    followed: int,
 ) -> ca.SX:
     """A tick's outputs: the numbers of `ports.fields`.
 
@@ -57,6 +58,7 @@ def outputs(
         measurement: what is measured.
         commanded: by the law.
         limited: the stage's programs; what comes of them is filled in later. None without any.
+        followed: joints that have a reference in any stage.
     """
     inputs, references = measurement.inputs, commanded.references
     six = references.six
@@ -94,10 +96,14 @@ def outputs(
         values[name] if name in values else measurement.table[name]
         for name, _ in (*INTERNAL, *ports.signals())
     ]
+    forces, joints = commanded.forces, commanded.case.joints
     return ca.vertcat(
         *found,
-        _wanted_reactions(measurement, commanded.forces.desired),
+        _by_equation(measurement, forces.desired),
         _reactions(measurement),
+        _by_equation(measurement, forces.gaps),
+        _by_equation(measurement, forces.residuals),
+        ca.SX.nan(followed) if joints is None else joints.position,
         _gains(measurement, commanded),
     )
 
@@ -108,14 +114,14 @@ def of_the_law(measurement: Measurement, commanded: Commanded) -> ca.SX:
     return ca.vertcat(
         references.six(situation.error),
         references.six(references.force_ref),
-        _wanted_reactions(measurement, commanded.forces.desired),
+        _by_equation(measurement, commanded.forces.desired),
     )
 
 
-def _wanted_reactions(measurement: Measurement, desired: Mapping[str, ca.SX]) -> ca.SX:
-    """(equations,) set points, NaN where there is none."""
+def _by_equation(measurement: Measurement, values: Mapping[str, ca.SX]) -> ca.SX:
+    """(equations,) values, such as set points, NaN where there is none."""
     nothing = ca.SX(np.nan)
-    return ca.vertcat(ca.SX(0, 1), *(desired.get(name, nothing) for name in measurement.rows))
+    return ca.vertcat(ca.SX(0, 1), *(values.get(name, nothing) for name in measurement.rows))
 
 
 def _gains(measurement: Measurement, commanded: Commanded) -> ca.SX:

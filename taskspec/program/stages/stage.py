@@ -127,7 +127,7 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     results = [
         torque,
         remembered,
-        outputs((number, value), measurement, commanded, limited),
+        outputs((number, value), measurement, commanded, limited, context.followed),
         limited.handed_over if limited else ca.SX(0, 1),
         commanded.closed_form,
     ]

@@ -22,6 +22,7 @@ from taskspec.control.state import ARM_LENGTH
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import on_axis
+from taskspec.modes import Follows
 from taskspec.program.passage import HeldDrive
 from taskspec.program.plan import StagePlan
 from taskspec.program.walk.held_motion import resolved_twists
@@ -195,7 +196,7 @@ def _form(stage: StagePlan, T: Vector, inside: Vector, moved: list[Axis]) -> _Lo
 
 def _moves(stage: StagePlan, axis: Axis) -> bool:
     plan = stage.plans[axis]
-    return plan.motion and not plan.force and plan.mode.name != "follows"
+    return plan.motion and not plan.force and not isinstance(plan.mode, Follows)
 
 
 def _joint_damper(stage: StagePlan) -> Vector | None:

@@ -10,6 +10,8 @@ from taskspec.geometry.axis import AXES
 from taskspec.motion.joint_path import JointPath
 from taskspec.program.passage import End, Instant, Passage
 from taskspec.program.plan import StagePlan
+from taskspec.program.reference.joint_motion import JointMotion
+from taskspec.program.reference.paths import joint_end
 from taskspec.robot import RobotModel
 
 Vector = NDArray[np.float64]
@@ -33,13 +35,18 @@ class JointState:
     a: Vector
 
 
-def joint_states(path: JointPath, start: Vector) -> list[JointState]:
-    """The joints along a path, from rest, at even times.
+def joint_states(path: JointPath | JointMotion, start: Vector) -> list[JointState]:
+    """The joints along a path, from rest, at even times; empty where that is not known.
 
     Args:
         path: of the joints.
         start: (n,) where it begins.
     """
+    if isinstance(path, JointMotion):
+        if not path.predictable:
+            return []
+        times, states = path.at(start, _INSTANTS)
+        return [JointState(time, *at) for time, *at in zip(times.tolist(), *states, strict=True)]
     timing = path.timing(start)
     found = []
     for time in np.linspace(0.0, float(timing.rests), _INSTANTS).tolist():
@@ -64,8 +71,17 @@ def tip_at(robot: RobotModel, q: Vector) -> tuple[Vector, Vector]:
     return at.translation, at.rotation
 
 
-def joint_passage(stage: StagePlan, start: Vector) -> Passage:
-    """The predicted motion of the arm on the path of joints of a stage.
+def end_of(stage: StagePlan) -> Vector | None:
+    """(n,) where the path of joints of a stage ends; None where that is not known."""
+    path = stage.joint_path
+    if isinstance(path, JointPath):
+        return np.array(path.targets[-1])
+    assert path is not None
+    return joint_end(stage.context, path.positions, path.time)
+
+
+def joint_passage(stage: StagePlan, start: Vector) -> Passage | None:
+    """The predicted motion of the arm on the path of joints of a stage; None where it has none.
 
     Args:
         stage: the stage.
@@ -89,4 +105,4 @@ def joint_passage(stage: StagePlan, start: Vector) -> Passage:
         outside = np.maximum(state.q - robot.upper, robot.lower - state.q)
         if outside.max() > 0:
             return Passage(tuple(instants), End.JOINT, joint=int(np.argmax(outside)))
-    return Passage(tuple(instants), End.DONE)
+    return Passage(tuple(instants), End.DONE) if instants else None

@@ -20,7 +20,7 @@ from taskspec.program.trajectory import Course, Nominal, Place
 from taskspec.program.walk.arm_walk import ArmWalk
 from taskspec.program.walk.course import course_of, moving_axes
 from taskspec.program.walk.handed_rates import rates_at_end, rates_of, twist_of
-from taskspec.program.walk.joint_walk import joint_passage, tip_at
+from taskspec.program.walk.joint_walk import end_of, joint_passage, tip_at
 from taskspec.robot.inverse_kinematics import SOLVED, InverseKinematics, Target
 from taskspec.text.units import show
 
@@ -109,13 +109,12 @@ class NominalWalk:
         q = arm.q if arm.known else self._joints(self._p, self._R)[0]
         passage = None if q is None else joint_passage(stage, q)
         about = joint_passage(stage, arm.q) if passage is None else None
-        path = stage.joint_path
-        assert path is not None
+        ends = end_of(stage)
         arrives = stage.spec.until is None and (passage is None or passage.end is End.DONE)
-        self._known = arm.known = arrives and not self._jumps(stage)
+        self._known = arm.known = arrives and ends is not None and not self._jumps(stage)
         self._twist = np.zeros(6)
-        if self._known:
-            self._q = np.array(path.targets[-1])
+        if self._known and ends is not None:
+            self._q = ends
             self._p, self._R = tip_at(self._context.robot, self._q)
             self._at = (self._p, self._R)
             arm.p, arm.R, arm.q = self._p, self._R, self._q

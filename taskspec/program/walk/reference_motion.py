@@ -41,7 +41,8 @@ def reference_motion(
 ) -> ReferenceMotion | None:
     """The references of a stage; None where the text does not say how one of them moves.
 
-    An axis that follows another one has no reference of its own.
+    An axis that follows a mechanism has no reference of its own. One that follows others goes by
+    theirs; a leader that has none is taken to stay where it starts.
 
     Args:
         stage: the stage.
@@ -60,7 +61,7 @@ def reference_motion(
         mode = plan.mode
         if axis in own or not plan.motion or plan.axis.has_force:
             continue
-        if not mode.moves or not mode.leads:
+        if not mode.moves or not mode.leads or mode.leaders:
             continue
         track = mode.track(0.0, rates.get(axis, 0.0))
         displacement = mode.displacement(stage.known, start[axis]) if track is None else track
@@ -70,6 +71,10 @@ def reference_motion(
         if track is not None:
             ends.append(float(track.rests))
     begun = _begun(stage, own, start, rates)
+    for axis in stage.leaders_first:
+        if stage.plans[axis].mode.leaders:
+            followed = {axis: (stage.plans[axis].mode, _followed(stage, axis, begun, start))}
+            begun |= _begun(stage, followed, start, rates)
     return ReferenceMotion(begun, max(ends, default=None), path_lasts)
 
 
@@ -89,6 +94,25 @@ def start_coordinates(stage: StagePlan, p: Vector, R: Vector) -> dict[Axis, floa
     elif frame.surface_name:
         found[Axis.Z] = context.obstacles.gap(frame.surface_name, p, R)
     return found
+
+
+def _followed(
+    stage: StagePlan,
+    axis: Axis,
+    leading: Mapping[Axis, Displacement],
+    start: Mapping[Axis, float],
+) -> Displacement:
+    """What an expression of other axes makes of their displacements, from where the axis starts."""
+    (expression, _), *_ = stage.plans[axis].mode.expressions()
+    leaders = stage.plans[axis].mode.leaders
+
+    def moved(time: float) -> float:
+        at = {a: start[a] + (leading[a](time) if a in leading else 0.0) for a in leaders}
+        value = stage.known(expression, {str(a): x for a, x in at.items()})
+        assert value is not None
+        return value - start[axis]
+
+    return moved
 
 
 def _begun(

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.modes import Follows
 from taskspec.program.axes import MOSTLY
 from taskspec.program.bound import BoundFunction
 from taskspec.program.passage import Stopped, Strain
@@ -331,7 +332,7 @@ def _stiffness(stage: StagePlan, axis: Axis) -> float:
     """The stiffness of a motion axis against the grip [N/m, N m/rad]; 0 where it yields."""
     plan = stage.plans[axis]
     # A force that displaces a spring leaves the spring where it is: it holds on.
-    if not plan.motion or plan.force or plan.mode.name == "follows":
+    if not plan.motion or plan.force or isinstance(plan.mode, Follows):
         return 0.0
     law = stage.law.control_law
     own = stage.spring_of(axis)

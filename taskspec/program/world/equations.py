@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
-from taskspec.expression.tree import Name
+from taskspec.expression.tree import Name, walk
 from taskspec.program.algebra import CasadiAlgebra, constants
 from taskspec.program.world.frames import FrameModel, resolve
+from taskspec.robot import RobotModel
+from taskspec.robot.rigid_body import rigid_body
 from taskspec.spec import Constraint, Task
 
 Vector = NDArray[np.float64]
@@ -50,6 +52,12 @@ class EquationModel:
         """Whether its place is a configuration of the joints."""
         return self.constraint.joints
 
+    @property
+    def moves(self) -> bool:
+        """Whether it changes with time."""
+        nodes = walk(self.constraint.residual.tree)
+        return any(isinstance(node, Name) and node.path == ("clock",) for node in nodes)
+
     def residual(self, place: ca.SX, clock: ca.SX) -> ca.SX:
         """r, left minus right, at a place (3,) or (n,) and time [s]."""
         algebra = CasadiAlgebra(None, 0.0)
@@ -84,6 +92,17 @@ class EquationModel:
             drift=bend / scale,
             scale=scale,
         )
+
+    def on_joints(self, robot: RobotModel) -> ca.Function:
+        """(q, clock) -> the distance at joint positions q (n,), and the row J_phi (1, n) there.
+
+        Of an equation on the tip, J_phi is its unit gradient times the Jacobian of the tip.
+        """
+        q, clock = ca.SX.sym("q", robot.n), ca.SX.sym("clock")
+        place = q if self.joints else rigid_body(robot).tip(q)[0]
+        at = self.terms(place, ca.SX.zeros(place.shape[0]), clock)
+        J = at.normal if self.joints else at.normal @ ca.jacobian(place, q)
+        return ca.Function("on_joints", [q, clock], [at.distance, ca.densify(J)])
 
     def unit_normal(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
         """(3,) or (n,) gradient at a place when the task begins, divided by its length."""
@@ -159,6 +178,7 @@ class StartEquation:
     Attributes:
         distance: r / |r_x| [m, rad].
         normal: (n,) unit normal on the joints' rates.
+        rate: at which it moves away by itself, -r_t / |r_x| [m/s, rad/s].
         scale: |r_x|.
         gradient: (3,) unit gradient at the tip, world axes; None of an equation on joints.
         bend: (3, 3) its change with the tip's place [1/m].
@@ -166,6 +186,7 @@ class StartEquation:
 
     distance: float
     normal: NDArray[np.float64]
+    rate: float
     scale: float
     gradient: NDArray[np.float64] | None
     bend: NDArray[np.float64] | None = None
@@ -199,13 +220,17 @@ def at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> Start
     found = ca.Function(
         "at_start",
         [place],
-        [terms.distance, terms.normal, terms.scale, ca.jacobian(terms.normal, place)],
+        [
+            *(terms.distance, terms.normal, -terms.by_time, terms.scale),
+            ca.jacobian(terms.normal, place),
+        ],
     )
-    distance, unit, scale, bend = found(at)
+    distance, unit, rate, scale, bend = found(at)
     normal = np.array(unit).ravel()
     return StartEquation(
         distance=float(distance),
         normal=normal if model.joints else normal @ J[:3],
+        rate=float(rate),
         scale=float(scale),
         gradient=None if model.joints else normal,
         bend=None if model.joints else np.array(bend),

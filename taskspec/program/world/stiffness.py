@@ -39,7 +39,7 @@ class Compliance:
     """A contact's spring and damper.
 
     Attributes:
-        stiffness: [N/m].
+        stiffness: [N/m]; without bounds where an equation holds exactly.
         damping: [N s/m].
         phase: T sqrt(k / m) [rad], what one step of the plant makes of it with the mass m that the
             tool has along the normal at the start.
@@ -48,6 +48,11 @@ class Compliance:
     stiffness: float
     damping: float
     phase: float
+
+    @property
+    def exact(self) -> bool:
+        """Whether there is no spring: it holds exactly."""
+        return math.isinf(self.stiffness)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +130,8 @@ def equation_compliance(
 def _meant(
     stiffness: float | str, damping: float | None, mass: float, plant_period: float, unit: float
 ) -> Compliance:
+    if stiffness == "exact":
+        return Compliance(math.inf, 0.0, 0.0)
     rigid = stiffness == "rigid"
     k = mass * (RIGID_PHASE / plant_period) ** 2 if rigid else float(stiffness)
     b = damping

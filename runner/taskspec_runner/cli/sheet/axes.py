@@ -12,9 +12,11 @@ from taskspec.explain import Natural, State
 from taskspec.geometry.axis import Axis
 from taskspec.program.program import Program
 from taskspec.program.reference.axis_plan import AxisPlan
+from taskspec.program.reference.joint_motion import JointMotion
 from taskspec.program.stages.stage import CompiledStage
-from taskspec.spec import Screw
-from taskspec.text.units import STIFFNESS, number, scaled, show
+from taskspec.robot.inverse_kinematics import turns_at
+from taskspec.spec import Screw, SetPoint
+from taskspec.text.units import LENGTH, STIFFNESS, number, scaled, show
 
 #: Stands below the tables.
 LEGEND = "v, w: velocity along and about an axis; f, m: force and moment that the robot applies"
@@ -43,9 +45,30 @@ def equation_row(program: Program, stage: CompiledStage, name: str) -> AxisRow:
     model = program.context.equations[name]
     declared = program.context.loaded.task.equations[name]
     side = "" if model.constraint.relation == "=" else " (pushes only)"
-    reference = "0" if wanted is None else str(wanted.wanted)
-    artificial = f"{'m' if model.joints else 'f'} = {reference} along its gradient"
+    artificial = f"{'m' if model.joints else 'f'} = {_set_point(wanted)} along its gradient"
     return AxisRow(name, f"{declared.equation}{side}", artificial, "force control")
+
+
+def joint_rows(stage: CompiledStage) -> Iterator[AxisRow]:
+    """The joints of a stage with a path of joints: where each goes."""
+    path, robot = stage.plan.joint_path, stage.plan.context.robot
+    by = "motion control" + (", as far as constraints leave it" if stage.plan.active else "")
+    for i in range(robot.n if path is not None else 0):
+        if isinstance(path, JointMotion):
+            yield AxisRow(f"q{i + 1}", "", f"q{i + 1} = {path.positions[i]}", by)
+            continue
+        assert path is not None
+        unit = LENGTH.on(rotation=turns_at(robot, i))
+        targets = ", then to ".join(scaled(target[i], unit) for target in path.targets)
+        yield AxisRow(f"q{i + 1}", "", f"q{i + 1} to {targets}", by)
+
+
+def _set_point(point: SetPoint | None) -> str:
+    if point is None:
+        return "0"
+    if point.wanted is None:
+        return f"that of [{', '.join(map(str, point.expressions))}] on the joints"
+    return str(point.wanted)
 
 
 def _velocity(axis: Axis) -> str:

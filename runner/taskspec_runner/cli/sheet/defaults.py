@@ -116,7 +116,7 @@ def _compliant(declared: Shape | EquationObject, contact: Compliance) -> Iterato
         yield "frame", "world"
     if "stiffness" not in given:
         yield "stiffness", scaled(contact.stiffness, STIFFNESS.on(rotation=joints))
-    if "damping" not in given:
+    if "damping" not in given and not contact.exact:
         yield "damping", show(contact.damping, DAMPING.on(rotation=joints))
     if isinstance(declared, Shape) and "friction" not in given:
         yield "friction", "0"
@@ -136,11 +136,9 @@ def _mechanism(declared: Mechanism) -> Iterator[tuple[str, str]]:
 
 
 def _stage(stage: CompiledStage) -> Iterator[tuple[str, str]]:
-    holding = [
-        a
-        for a in stage.plan.plans
-        if a not in stage.plan.spec.axes and not stage.plan.plans[a].mode.moves
-    ]
+    plan = stage.plan
+    holding = [a for a, p in plan.plans.items() if a not in plan.spec.axes and not p.mode.moves]
+    holding = holding if plan.joint_path is None else []
     if holding:
         yield f"stages.{stage.name}.axes: {' '.join(holding)}", "hold"
     for name, wanted in stage.plan.spec.constraints.items():

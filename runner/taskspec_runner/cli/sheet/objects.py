@@ -50,6 +50,9 @@ def _equation(declared: EquationObject, contact: Compliance) -> Iterator[str]:
     where = "on joints" if joints else f"in {declared.frame or 'world'}"
     yield f"{declared.equation} {where}"
     yield "holds both ways" if relation == "=" else "holds one way"
+    if contact.exact:
+        yield "exactly, by a multiplier"
+        return
     rigid = " (rigid)" if declared.stiffness == "rigid" else ""
     yield f"{scaled(contact.stiffness, STIFFNESS.on(rotation=joints))}{rigid}"
     yield show(contact.damping, DAMPING.on(rotation=joints))

@@ -18,7 +18,7 @@ from taskspec.robot.types import RobotModel
 from taskspec.stability.gain_paths import turns
 from taskspec.text.units import MASS, STIFFNESS, in_unit, number, scaled, show
 from taskspec_runner.cli.sheet.at_rest import RestRow, rest_rows
-from taskspec_runner.cli.sheet.axes import AxisRow, axis_row, equation_row
+from taskspec_runner.cli.sheet.axes import AxisRow, axis_row, equation_row, joint_rows
 from taskspec_runner.cli.sheet.limits import limit_rows
 from taskspec_runner.cli.sheet.protection import protection_rows
 from taskspec_runner.cli.sheet.selection import selection_rows
@@ -158,6 +158,7 @@ def stage_sheet(
         selection=() if selected is None else selection_rows(selected),
         axes=(
             *(axis_row(program, stage, world) for world in imposed),
+            *joint_rows(stage),
             *(equation_row(program, stage, name) for name in stage.plan.active),
         ),
         gains=tuple(_gains(program, stage)),

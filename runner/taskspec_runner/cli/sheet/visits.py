@@ -158,7 +158,7 @@ def how_it_ended(trial: Trial) -> str:
     """A trial in one sentence."""
     outcome, took = trial.outcome, show(trial.outcome.clock, TIME, 4)
     if outcome.status == OPEN:
-        return f"comes to no end in {took}, and is broken off in stage {outcome.stage!r}"
+        return f"is aborted after {took} in stage {outcome.stage!r}"
     if outcome.status != DONE:
         does = "is stopped" if outcome.status == "stopped" else "fails"
         return f"{does} in stage {outcome.stage!r} after {took}: {outcome.text}"

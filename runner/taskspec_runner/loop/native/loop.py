@@ -23,7 +23,7 @@ from taskspec_runner.loop.closed_loop import LOOK_EVERY, ClosedLoop
 from taskspec_runner.loop.native import tick_memory, ticks
 from taskspec_runner.loop.native.tick_memory import LIBRARY, Evaluation, TickMemory
 from taskspec_runner.loop.sensing import Sensing
-from taskspec_runner.plant import simulator
+from taskspec_runner.plant import rigid_constraints, simulator
 from taskspec_runner.plant.equations import XBODY
 from taskspec_runner.plant.moving_base import INERTIA
 from taskspec_runner.plant.plant import ENERGY_BOUND, FORCE_BOUND, Plant
@@ -33,7 +33,10 @@ from taskspec_runner.record.block import Block, weights
 Vector = NDArray[np.float64]
 
 #: Where the loop has its functions, its record and its constants.
-_MODULES = (ticks, tick_memory, quadratic, pivots, stage_solver, closed_loop, log_block)
+_MODULES = (
+    *(ticks, tick_memory, quadratic, pivots, stage_solver),
+    *(closed_loop, rigid_constraints, log_block),
+)
 
 
 class NativeLoop:
@@ -403,6 +406,24 @@ def _plant(record: TickMemory, plant: Plant) -> None:
             on_joints=equations.on_joints,
             applied_joints=equations.joints,
         )
+
+    if arm.rigid is not None:
+        rigid = arm.rigid
+        record.rigid = Evaluation(rigid.function)
+        record.take(
+            n_rigid=len(rigid.multipliers),
+            rigid_cartesian=rigid.cartesian,
+            tip_body=rigid.body,
+            tip=rigid.tip,
+            applied_joints=rigid.joints,
+            constraint_forces=rigid.constraint_forces,
+        )
+        names = (
+            *("clock", "J", "J_rate", "H", "others", "on_joints", "exerted", "round", "settled"),
+            *("multipliers", "before", "step", "broyden"),
+            *("next_multipliers", "next_step", "next_broyden"),
+        )
+        record.take(**{f"rigid_{name}": getattr(rigid, name) for name in names})
 
 
 def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRunner) -> TickMemory:

@@ -32,6 +32,12 @@ LIBRARY = (
     "mj_step2",
     "mj_objectVelocity",
     "mj_applyFT",
+    "mj_jacBody",
+    "mj_jacDot",
+    "mj_fullM",
+    "mj_fwdActuation",
+    "mj_fwdAcceleration",
+    "mj_fwdConstraint",
     "mj_mulM",
     "memcpy",
 )
@@ -116,6 +122,7 @@ class TickMemory(Record):
     forces: Evaluation
     moving: Evaluation
     equations: Evaluation
+    rigid: Evaluation
     assemble: Evaluation
     accept: Evaluation
     look: Evaluation
@@ -132,6 +139,12 @@ class TickMemory(Record):
     mj_step2: int
     mj_objectVelocity: int
     mj_applyFT: int
+    mj_jacBody: int
+    mj_jacDot: int
+    mj_fullM: int
+    mj_fwdActuation: int
+    mj_fwdAcceleration: int
+    mj_fwdConstraint: int
     mj_mulM: int
     memcpy: int
 
@@ -205,6 +218,8 @@ class TickMemory(Record):
     n_warnings: int
     look_every: int  # ticks from look to look at the simulator
     cartesian: int  # whether an equation acts on the tip
+    n_rigid: int  # equations that hold exactly
+    rigid_cartesian: int  # whether one of them is on the tip
     body_kind: int  # MuJoCo's number for a body's frame
     tip_body: int
     applied_at: int  # address of the applied forces
@@ -306,6 +321,23 @@ class TickMemory(Record):
     nothing: Vector
     on_joints: Vector
     applied_joints: Vector
+    rigid_clock: Vector
+    rigid_J: Vector
+    rigid_J_rate: Vector
+    rigid_H: Vector
+    rigid_others: Vector
+    rigid_on_joints: Vector
+    rigid_exerted: Vector
+    rigid_round: Vector
+    rigid_settled: Vector
+    rigid_multipliers: Vector
+    rigid_before: Vector
+    rigid_step: Vector
+    rigid_broyden: Vector
+    rigid_next_multipliers: Vector
+    rigid_next_step: Vector
+    rigid_next_broyden: Vector
+    constraint_forces: Vector
     detent_forces: Vector
     joint_rates: Vector
     velocity: Vector

@@ -18,6 +18,7 @@ from taskspec.program.execution.pivots import select
 from taskspec.program.execution.stage_solver import EXACT, WORST_RESIDUAL
 from taskspec_runner.loop.closed_loop import HEALTHY
 from taskspec_runner.loop.native.tick_memory import Evaluation, TickMemory
+from taskspec_runner.plant.rigid_constraints import MOST_ROUNDS
 from taskspec_runner.record.block import checksum
 
 #: Why `run` has returned: all ticks are done; the next tick is Python's, from its beginning; the
@@ -289,6 +290,7 @@ def _step(c: TickMemory) -> None:
             _drive(c)
             call(c.mj_step1, c.model, c.data)
             _apply(c)
+            _constrain(c)
             call(c.mj_step2, c.model, c.data)
     if c.grip_rows:
         words = c.data_words
@@ -338,6 +340,40 @@ def _apply(c: TickMemory) -> None:
         applied, where, forces = c.applied, c.detent_dof, c.detent_forces
         for i in range(c.n_detents):
             applied[where[i]] += forces[i]
+
+
+def _constrain(c: TickMemory) -> None:
+    """Adds the torques of equations that hold exactly."""
+    if c.rigid.code == 0:
+        return
+    clock, number, time, settled = c.rigid_clock, c.rigid_round, c.time, c.rigid_settled
+    clock[0], number[0] = time[0], 0.0
+    if c.rigid_cartesian:
+        call(c.mj_jacBody, c.model, c.data, c.rigid_J, 0, c.tip_body)
+        call(c.mj_jacDot, c.model, c.data, c.rigid_J_rate, 0, c.tip, c.tip_body)
+    call(c.mj_fullM, c.model, c.data, c.rigid_H)
+    call(c.mj_fwdActuation, c.model, c.data)
+    k, m, joints = c.n_joints, c.n_rigid, c.applied_joints
+    others, torques = c.rigid_others, c.rigid_on_joints
+    _copy(joints, others, k)
+    _copy(c.constraint_forces, c.rigid_exerted, k)
+    _evaluate(c.rigid)
+    for i in range(1, MOST_ROUNDS + 1):
+        for j in range(k):
+            joints[j] = others[j] + torques[j]
+        _copy(c.rigid_multipliers, c.rigid_before, m)
+        _copy(c.rigid_next_step, c.rigid_step, m)
+        _copy(c.rigid_next_multipliers, c.rigid_multipliers, m)
+        _copy(c.rigid_next_broyden, c.rigid_broyden, m * m)
+        call(c.mj_fwdAcceleration, c.model, c.data)
+        call(c.mj_fwdConstraint, c.model, c.data)
+        if _same(c.constraint_forces, c.rigid_exerted, k):
+            return
+        _copy(c.constraint_forces, c.rigid_exerted, k)
+        number[0] = float(i)
+        _evaluate(c.rigid)
+        if settled[0] != 0.0:
+            return
 
 
 def _record(c: TickMemory) -> None:
@@ -391,6 +427,14 @@ def _furthest(a: Vector, b: Vector, n: int) -> float:
     for i in range(n):
         most = max(most, abs(a[i] - b[i]))
     return most
+
+
+def _same(a: Vector, b: Vector, n: int) -> bool:
+    same = True
+    for i in range(n):
+        if a[i] != b[i]:
+            same = False
+    return same
 
 
 def _gather(source: Vector, places: Words, target: Vector, n: int) -> None:

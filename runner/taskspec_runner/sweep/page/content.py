@@ -70,7 +70,7 @@ def render(result: SweepResult, said: Json) -> str:
     everywhere = pairs(_everywhere(rows, task))
     facts = pairs(_facts(result, said))
     if everywhere:
-        text = "True in all worlds, and not what the controller is told:"
+        text = "In all worlds, other than in the controller's model:"
         facts = joined(facts, element("p", text), everywhere)
     return document(
         f"{task.name}: sweep",
@@ -235,7 +235,7 @@ def _influences(influences: Sequence[Influence]) -> Markup:
             _in_words(each),
         ]
         rows.append(Cells(cells, "" if each.chance < _CHANCE else "unclear"))
-    share, trend = right("Explains of the margin"), right("Rank correlation")
+    share, trend = right("Variance explained"), right("Rank correlation")
     return section(
         "What matters",
         table(["Parameter", share, Heading("", "spans"), trend, "Direction"], rows),
@@ -330,7 +330,7 @@ def _in_words(each: Influence) -> str:
     if each.chance >= _CHANCE:
         return "no more than chance"
     if not each.one_way:
-        return "not the same way everywhere"
+        return "non-monotonic"
     return "the more, the better" if each.correlation > 0 else "the less, the better"
 
 

@@ -1,0 +1,1 @@
+"""A language server for task files: findings, completion, hover, definitions, renames, actions."""

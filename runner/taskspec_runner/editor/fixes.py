@@ -1,0 +1,103 @@
+"""Changes of a text that a finding's hint asks for."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from taskspec.deferred_methods import dataclass
+from taskspec.text.diagnostic import Diagnostic
+from taskspec.text.source import Source
+
+_MEANT = re.compile(r"did you mean '([^']+)'\?")
+_WRITE = re.compile(r"\bwrite '([^']+)'")
+_LISTED = re.compile(r"^(?:one of|known here|its gains|[a-z]+s): ((?:[\w.-]+, )*[\w.-]+)$")
+_MISSING = re.compile(r"^add a unit: (.+)$")
+_FITTING = re.compile(r"^units that fit: (.+)$")
+_REMOVE = re.compile(r"leave it out|keep one of the two|^delete it")
+#: The number of a quantity that stands alone.
+_NUMBER = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?(?=\s*[A-Za-z%/*^\d]*$)")
+_PARTS = re.compile(r", | or ")
+#: Of a list of words, those that are offered.
+_OFFERED = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """A change of a text.
+
+    Attributes:
+        title: what it does.
+        start, end: offsets of what is replaced.
+        text: what takes its place.
+        only: whether the hint names no other.
+    """
+
+    title: str
+    start: int
+    end: int
+    text: str
+    only: bool
+
+
+def fixes(finding: Diagnostic, source: Source) -> list[Fix]:
+    """What can be changed where a finding stands; empty where its hint is no text to write."""
+    span = finding.span
+    if span is None or finding.source != source.name or span.source:
+        return []
+    start = source.offset(span.line, span.column)
+    end = source.offset(span.end_line, span.end_column)
+    written = source.text[start:end]
+    texts = [text for text in dict.fromkeys(_texts(finding.hint, written)) if text != written]
+    found = [
+        Fix(f"Write {text} for {written}", start, end, text, only=len(texts) == 1) for text in texts
+    ]
+    if _REMOVE.search(finding.hint):
+        found += _removed(source, start, end)
+    return found
+
+
+def _texts(hint: str, written: str) -> Iterator[str]:
+    if meant := _MEANT.search(hint) or _WRITE.search(hint):
+        yield meant[1]
+    elif match := _LISTED.match(hint):
+        yield from match[1].split(", ")[:_OFFERED]
+    elif match := _MISSING.match(hint):
+        yield from (f"{written} {unit}" for unit in _PARTS.split(match[1]))
+    elif (match := _FITTING.match(hint)) and (number := _NUMBER.match(written)):
+        yield from (f"{number[0]} {unit}" for unit in _PARTS.split(match[1]))
+
+
+def _removed(source: Source, start: int, end: int) -> Iterator[Fix]:
+    """Leaves out the entry that begins at a place, if it stands in one line."""
+    text = source.text
+    line_start = text.rfind("\n", 0, start) + 1
+    line_end = text.find("\n", start)
+    line_end = len(text) if line_end < 0 else line_end
+    indent = len(text[line_start:start])
+    if text[line_start:start].strip():
+        yield from _removed_from_braces(source, start, end, line_end)
+        return
+    below = text[line_end + 1 :].split("\n", 1)[0]
+    if below.strip() and len(below) - len(below.lstrip()) > indent:
+        return
+    line = text[line_start:line_end].strip()
+    yield Fix(f"Leave out {line}", line_start, min(line_end + 1, len(text)), "", only=False)
+
+
+def _removed_from_braces(source: Source, start: int, end: int, line_end: int) -> Iterator[Fix]:
+    """The same of an entry between braces: with the comma after it, or the one before it."""
+    text, depth, at = source.text, 0, end
+    while at < line_end and (depth or text[at] not in ",}]"):
+        depth += {"{": 1, "[": 1, "}": -1, "]": -1}.get(text[at], 0)
+        at += 1
+    if at >= line_end:
+        return
+    first = start
+    if text[at] == ",":
+        at += 1
+        while at < line_end and text[at] == " ":
+            at += 1
+    elif text[:start].rstrip().endswith(","):
+        first = len(text[:start].rstrip()) - 1
+    yield Fix(f"Leave out {text[start:at].strip(' ,')}", first, at, "", only=False)

@@ -1,0 +1,68 @@
+"""A task file that is open in an editor, and what is known of it while it is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from taskspec.examination import ExaminationBounds, examine
+from taskspec.spec import load_text
+from taskspec.spec.load import tree_of
+from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
+from taskspec.text.nodes import Mapping
+from taskspec.text.source import Source
+from taskspec.text.yaml import read
+from taskspec_runner.editor.names import TaskNames
+
+
+class OpenedFile:
+    """A text and the newest names that could be read of it.
+
+    Attributes:
+        path: of the file; it need not exist.
+        source: the text as it is now.
+        names: of the last text that could be read; None before one could.
+    """
+
+    def __init__(self, path: Path, text: str) -> None:
+        self.path = path
+        self.names: TaskNames | None = None
+        self.source = Source(str(path), "")
+        self.change(text)
+
+    def change(self, text: str) -> None:
+        """Takes a new text."""
+        self.source = Source(str(self.path), text.replace("\r\n", "\n"))
+        own = read(self.source, Diagnostics(str(self.path)))
+        root = tree_of(self.source.text, str(self.path), self.path.parent)
+        if root is not None and isinstance(own, Mapping) and own.entries:
+            self.names = TaskNames(root, own)
+
+    @property
+    def is_task(self) -> bool:
+        """Whether it says that it is a task; another YAML file gets no findings."""
+        return any(line.startswith("taskspec:") for line in self.source.text.split("\n"))
+
+    def read(self) -> tuple[Diagnostic, ...]:
+        """Findings of text, names, units and modes."""
+        try:
+            return load_text(self.source.text, str(self.path), base=self.path.parent).warnings
+        except SpecError as error:
+            return error.diagnostics
+
+    def examined(self, *, stability: bool = True) -> tuple[Diagnostic, ...]:
+        """Findings of all rules; of a file that cannot be read those of `read`."""
+        try:
+            loaded = load_text(self.source.text, str(self.path), base=self.path.parent)
+            return examine(loaded, stability=stability, bounds=ExaminationBounds()).findings
+        except SpecError as error:
+            return error.diagnostics
+
+    def tried(self) -> tuple[Diagnostic, ...]:
+        """Findings of all rules and of a trial."""
+        from taskspec_runner.trial.check import check
+
+        try:
+            loaded = load_text(self.source.text, str(self.path), base=self.path.parent)
+            return check(loaded).findings
+        except SpecError as error:
+            return error.diagnostics

@@ -1,0 +1,157 @@
+"""What a word in a text is: what hovering over it says, where it is given, where it is used."""
+
+from __future__ import annotations
+
+import re
+
+from taskspec import signals
+from taskspec.deferred_methods import dataclass
+from taskspec.expression.functions import FUNCTIONS, REDUCERS
+from taskspec.laws import LAWS
+from taskspec.text.source import Span
+from taskspec.text.units import describe, fitting, si_unit
+from taskspec_runner.editor.cursor import cursor_at
+from taskspec_runner.editor.key_schema import key_at
+from taskspec_runner.editor.names import DECLARING, Declared
+from taskspec_runner.editor.opened import OpenedFile
+
+_DOTTED = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(?:\.[A-Za-z0-9_]+)*")
+_PAGE = "docs/language.md"
+
+
+@dataclass(frozen=True, slots=True)
+class WordHere:
+    """The word at a place.
+
+    Attributes:
+        text: the whole dotted word.
+        part: the part of it that the place is in.
+        start, end: offsets of the whole.
+        is_key: whether it is a key of a mapping.
+        path: keys and indices that lead to the key, or to the value that it stands in.
+    """
+
+    text: str
+    part: str
+    start: int
+    end: int
+    is_key: bool
+    path: tuple[str | int, ...]
+
+
+def word_at(opened: OpenedFile, offset: int) -> WordHere | None:
+    """The word that an offset is in; None between words and in comments."""
+    text = opened.source.text
+    line_start = text.rfind("\n", 0, offset) + 1
+    line_end = text.find("\n", offset)
+    line = text[line_start : len(text) if line_end < 0 else line_end]
+    for match in _DOTTED.finditer(line):
+        if line_start + match.start() <= offset <= line_start + match.end():
+            break
+    else:
+        return None
+    start, end = line_start + match.start(), line_start + match.end()
+    if re.search(r"(^|\s)#", line[: match.start()]):
+        return None
+    part = _part(match[0], offset - start)
+    follows = text[end : end + 2]
+    cursor = cursor_at(text, end)
+    is_key = cursor.at_key and cursor.start == start and follows[:1] == ":"
+    path = (*cursor.path, match[0]) if is_key else cursor.path
+    return WordHere(match[0], part, start, end, is_key, path)
+
+
+def _part(text: str, at: int) -> str:
+    end = text.find(".", at)
+    return text[text.rfind(".", 0, at) + 1 : len(text) if end < 0 else end]
+
+
+def declared_at(opened: OpenedFile, word: WordHere) -> Declared | None:
+    """What a file gives under the name that the place is in; None where that is no name."""
+    if opened.names is None:
+        return None
+    given = opened.names.declared
+    path = word.path
+    if word.is_key and not (len(path) == 2 and path[0] in DECLARING):
+        return given.get(word.text) if "constraints" in path[:-1] else None
+    # The first part of a dotted word is a name; the others are signals.
+    head = word.text.partition(".")[0]
+    return given.get(head) if word.part == head else None
+
+
+def hover(opened: OpenedFile, offset: int) -> tuple[str, int, int] | None:
+    """What is known of the word at a place, as Markdown, and its offsets."""
+    word = word_at(opened, offset)
+    if word is None:
+        return None
+    text = _of_name(opened, word) or _of_key(word) or _of_word(opened, word)
+    return (text, word.start, word.end) if text else None
+
+
+def _of_key(word: WordHere) -> str:
+    if not word.is_key:
+        return ""
+    facts = key_at(word.path)
+    if facts is None:
+        return ""
+    lines = [f"**{facts.name}**: {facts.title}" if facts.title else f"**{facts.name}**"]
+    if facts.about:
+        lines.append(facts.about)
+    if facts.words:
+        lines.append("One of " + ", ".join(f"`{each}`" for each in facts.words))
+    for dimension in facts.dimensions:
+        units = ", ".join(f"`{unit}`" for unit in fitting(dimension))
+        lines.append(f"{describe(dimension)}: {units}" if units else describe(dimension))
+    return "\n\n".join(dict.fromkeys(lines))
+
+
+def _of_name(opened: OpenedFile, word: WordHere) -> str:
+    declared = declared_at(opened, word)
+    if declared is None:
+        return ""
+    span = declared.span
+    where = f"{span.source}, line {span.line}" if span.source else f"line {span.line}"
+    written = ""
+    if declared.kind in ("param", "frame", "object") and not span.source:
+        written = f"\n\n```yaml\n{opened.source.line(span.line).strip()}\n```"
+    return f"**{declared.name}**: {declared.kind}, {where}{written}"
+
+
+def _of_word(opened: OpenedFile, word: WordHere) -> str:
+    objects = {} if opened.names is None else opened.names.objects
+    parts = tuple(word.text.split("."))
+    stages = () if opened.names is None else opened.names.stages
+    if len(parts) > 1 and parts[0] in stages and parts[1:] != ("visits",):
+        parts = parts[1:]
+    entry = signals.find(parts, objects, stages)
+    if entry is not None:
+        meanings = entry.signal.meanings
+        meaning = meanings.get(entry.member) or meanings.get(objects.get(entry.member, ""))
+        unit = si_unit(entry.dimension) or "no unit"
+        return f"**{word.text}**: {meaning or next(iter(meanings.values()))}, {unit}"
+    if len(parts) == 1 and (vector := signals.VECTORS.get(parts[0])) is not None:
+        axes = ", ".join(vector.axes)
+        return f"**{word.text}**: {vector.meanings[vector.bare[0]]}; along {axes}"
+    if word.text in LAWS:
+        law = LAWS[word.text]
+        gains = ", ".join(f"`{gain}`" for gain in law.gain_names)
+        return f"**{word.text}**: a law, {law.equations}; its gains: {gains}"
+    if word.text in FUNCTIONS or word.text in REDUCERS:
+        return f"**{word.text}**: a function of expressions"
+    return ""
+
+
+def definition(opened: OpenedFile, offset: int) -> Span | None:
+    """The place where the name at a place is given; None where no file gives it."""
+    word = word_at(opened, offset)
+    declared = None if word is None else declared_at(opened, word)
+    return None if declared is None else declared.span
+
+
+def renames(opened: OpenedFile, offset: int) -> tuple[str, list[Span]] | None:
+    """The name at a place and all its places in the text; None where it cannot be renamed."""
+    word = word_at(opened, offset)
+    declared = None if word is None else declared_at(opened, word)
+    if declared is None or declared.span.source or opened.names is None:
+        return None
+    return declared.name, opened.names.uses(declared.name, opened.source)
