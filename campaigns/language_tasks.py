@@ -104,7 +104,19 @@ def _gains(d: LanguageDraft) -> None:
     for index in d.rng.permutation(len(some))[: d.pick(1, 1, 2)]:
         key = list(some)[int(index)]
         law[key] = some[key]
+    if "stiffness" in law and d.chance(0.3):
+        law["stiffness"] = _spring(d)
     d["law"] = law
+
+
+def _spring(d: LanguageDraft) -> Value:
+    """A stiffness that couples two axes, or that varies."""
+    k = [f"{d.nice(500, 2000):g} N/m" for _ in range(3)]
+    springs: Section = dict(zip("xyz", k, strict=True))
+    if d.chance(0.5):
+        return springs | {d.pick("xy", "xz", "yz"): f"{d.nice(50, 300):g} N/m"}
+    swing = f"{d.nice(50, 300):g} N/m * sin(2*pi*t/({d.pick(0.5, 1, 2)} s))"
+    return springs | {d.pick("x", "y", "z"): f"{k[0]} + {swing}"}
 
 
 def _in_law(d: LanguageDraft, **keys: Value) -> None:

@@ -47,3 +47,39 @@ def small_solve(A: ca.SX, B: ca.SX) -> ca.SX:
         a, b, c, d = A[0, 0], A[0, 1], A[1, 0], A[1, 1]
         return ca.vertcat(ca.horzcat(d, -b), ca.horzcat(-c, a)) @ B / (a * d - b * c)
     return ca.solve(A, B)
+
+
+def eigen(A: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Eigenvalues (n,) and orthonormal eigenvectors (n, n), as columns, of a symmetric A (n, n).
+
+    By Jacobi's rotations, sweep after sweep; so many that what is left off the diagonal is rounding
+    up to n = 6, as their convergence is quadratic.
+    """
+    n = A.shape[0]
+    A, V = ca.densify(A), ca.SX.eye(n)
+    for _ in range(_SWEEPS.get(n, 8)):
+        for p in range(n):
+            for q in range(p + 1, n):
+                off, gap = 2 * A[p, q], A[q, q] - A[p, p]
+                long = ca.fabs(gap) + ca.sqrt(gap**2 + off**2)
+                # tan of the lesser angle that makes A[p, q] zero; 0 where it is.
+                tan = ca.if_else(gap < 0, -off, off) / (long + (long == 0))
+                cos = 1 / ca.sqrt(1 + tan**2)
+                turn = ca.SX.eye(n)
+                turn[p, p] = turn[q, q] = cos
+                turn[p, q], turn[q, p] = tan * cos, -tan * cos
+                A, V = turn.T @ A @ turn, V @ turn
+    return ca.diag(A), V
+
+
+#: Sweeps of Jacobi's rotations by the size of the matrix: one rotation solves two by two.
+_SWEEPS = {1: 0, 2: 1, 3: 5, 4: 6}
+
+
+def least_pivot(A: ca.SX) -> ca.SX:
+    """The least pivot of a symmetric A (n, n): positive if and only if A is positive definite."""
+    A, least = ca.densify(A), ca.SX(ca.inf)
+    while A.shape[0]:
+        least = ca.fmin(least, A[0, 0])
+        A = A[1:, 1:] - A[1:, :1] @ A[:1, 1:] / A[0, 0]
+    return least

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.explain.bearing import along, bearing, gap_at_start, moment_arms
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.laws.gains import BANDWIDTH, value_of
+from taskspec.laws.coupled import stretched, yielding_stiffness
+from taskspec.laws.gains import BANDWIDTH, pairs_of
 from taskspec.program.plan import StagePlan
 
 Vector = NDArray[np.float64]
@@ -61,11 +62,20 @@ def spring_contact(plan: StagePlan) -> SpringContact | None:
 def _compliance(plan: StagePlan, normal: Vector) -> float | None:
     """w^T K_m^-1 w [m/N] of the axes with a spring along a normal (3,); None where there is none.
 
-    Axes that have a bandwidth instead of a spring are stiff beside those with one.
+    None as well where a stiffness varies. Axes that have a bandwidth instead of a spring are stiff
+    beside those with one.
     """
     springs = plan.gains.get("stiffness", {})
+    if any(gain.formula is not None for gain in springs.values()):
+        return None
     stiff = BANDWIDTH.name in plan.gains
     w = moment_arms(plan, normal)
+    if pairs_of(plan.gains, "stiffness"):
+        loads = {axis: float(w[axis.row]) for axis in plan.axes}
+        borne = {axis: load for axis, load in loads.items() if load**2 >= _UNLOADED}
+        if any(axis not in springs or springs[axis].value <= 0 for axis in borne):
+            return None
+        return float(sum(w * stretched(plan.gains, a, borne) for a, w in borne.items()))
     found = 0.0
     for axis in plan.axes:
         share = float(w[axis.row]) ** 2
@@ -92,7 +102,7 @@ def _behind(plan: StagePlan, normal: Vector) -> tuple[Axis, float] | None:
         if one.open_loop:
             force = one.axis.set_point
             wanted = None if force is None else plan.known(force.wanted)
-            own = value_of(plan.gains, "stiffness", axis)
+            own = yielding_stiffness(plan.gains, axis)
             if wanted is None or own <= 0:
                 return None
             depth = (

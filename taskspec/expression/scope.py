@@ -16,7 +16,7 @@ from taskspec.signals.table import REFERENCE
 from taskspec.text.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 
 Kind = Literal["param", "constant", "clock", "signal", "condition", "vector", "joint", "object",
-               "visits", "coordinate", "link"]  # fmt: skip
+               "visits", "coordinate", "link", "gain"]  # fmt: skip
 
 COORDINATES: dict[str, Dimension] = dict.fromkeys(TRANSLATIONS, LENGTH)
 """Coordinates of the tool tip, for equations; joints are q1, q2 and so on."""
@@ -95,11 +95,11 @@ class Meaning:
 
     Attributes:
         kind: which of the families; the other attributes depend on it.
-        name: the param, constant, clock or signal (for a joint or an object: its signal).
+        name: the param, constant, clock or signal (for a joint, an object or a gain: its signal).
         dimension: of the value; plain for conditions.
         axis: of a signal with axes.
         stage: the stage that prefixes the name, or whose visits are meant.
-        subject: the object's name or the joint's number.
+        subject: the object's name, the joint's number, or the entry of a gain.
         signal: its entry in the table of signals.
         beside: `ref` where the reference of the signal is meant.
     """
@@ -165,5 +165,6 @@ _KINDS: dict[Index, Kind] = {
     Index.CLOCK: "clock",
     Index.JOINT: "joint",
     Index.LINK: "link",
+    Index.GAIN: "gain",
     Index.OBJECT: "object",
 }

@@ -63,7 +63,7 @@ def explain_name(node: Name, scope: Scope) -> Problem:
         return Problem(code, message, start, end, hint)
     if not scope.measures and (
         head in signals.VECTORS
-        or head in scope.objects.keys() | scope.stages | {"joint", signals.Index.LINK}
+        or head in scope.objects.keys() | scope.stages | {"joint", *_FAMILIES}
     ):
         message = f"'{text}' is not known here"
         return Problem("TS116", message, start, end, _instead(path, scope))
@@ -160,21 +160,19 @@ def _signal(
     if head == "joint":
         hint = "write joint.1.position, joint.1.velocity or joint.1.torque, counted from 1"
         return Problem("TS120", f"'{'.'.join(path)}' is not a joint's signal", start, end, hint)
-    if head == signals.Index.LINK:
-        names = [f"{head}.{name}" for name in signals.LINK]
-        hint = suggestion(".".join(path), names, "known are")
-        return Problem("TS120", f"the link has no signal '{'.'.join(path[1:])}'", start, end, hint)
+    if head in _FAMILIES:
+        return _of_family(path, start, end)
     if head in (*signals.SCALARS, *signals.CLOCKS, *scope.params):
         return Problem("TS120", f"'{head}' has no parts", start, end, f"write '{head}'")
-    options = {*signals.VECTORS, *scope.objects, "joint", str(signals.Index.LINK)}
+    families = {"joint", *_FAMILIES}
+    options = {*signals.VECTORS, *scope.objects, *families}
     if scope.kind is ScopeKind.EXPECT or path[-1] == "visits":
         options |= scope.stages
     if after_stage:
         options = {
             *signals.VECTORS,
             *scope.objects,
-            "joint",
-            str(signals.Index.LINK),
+            *families,
             *signals.words(),
             *signals.CLOCKS,
             "visits",
@@ -191,6 +189,20 @@ def _signal(
         else suggestion(head, signals.words(), "signals")
     )  # fmt: skip
     return Problem("TS120", f"unknown {what} '{head}'", start, start + len(head), hint)
+
+
+#: Words that begin the names of a family, each with its members and what it is called.
+_FAMILIES = {
+    str(signals.Index.LINK): (tuple(signals.LINK), "the link has no signal"),
+    str(signals.Index.GAIN): (tuple(f"{name}.z" for name in signals.GAIN), "there is no gain"),
+}
+
+
+def _of_family(path: tuple[str, ...], start: int, end: int) -> Problem:
+    """About a member that a family does not have."""
+    members, lacks = _FAMILIES[path[0]]
+    hint = suggestion(".".join(path), [f"{path[0]}.{name}" for name in members], "known are")
+    return Problem("TS120", f"{lacks} '{'.'.join(path[1:])}'", start, end, hint)
 
 
 def _reference(of: signals.Signal, path: tuple[str, ...], start: int, end: int) -> Problem:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
+from itertools import combinations
 
 from taskspec.text.units import Dimension
 
@@ -61,3 +63,37 @@ TRANSLATIONS, ROTATIONS = AXES[:3], AXES[3:]
 def as_axis(name: str) -> Axis | None:
     """The axis of that name; None where it is the name of something else."""
     return Axis(name) if name in _ROWS else None
+
+
+#: Entries of a symmetric matrix on the axes that are not on its diagonal, each under the names of
+#: its two axes in their order: `xz`, `zrx`, `rxry`.
+PAIRS: dict[str, tuple[Axis, Axis]] = {a + b: (a, b) for a, b in combinations(AXES, 2)}
+
+
+def axes_of(entry: str) -> tuple[Axis, ...]:
+    """The axes of an entry of a matrix: one on its diagonal, two off it, none of anything else."""
+    return PAIRS.get(entry) or ((Axis(entry),) if entry in _ROWS else ())
+
+
+def is_mixed(entry: str) -> bool:
+    """Whether an entry of a matrix couples a translation and a rotation."""
+    return len({axis.is_rotation for axis in axes_of(entry)}) > 1
+
+
+def entry_dimension(dimension: Dimension, entry: str) -> Dimension:
+    """The dimension of an entry of a matrix that has `dimension` on a translation."""
+    if is_mixed(entry):
+        return dimension.mixed
+    return dimension.on(rotation=entry.startswith("r"))
+
+
+def coupled(entries: Sequence[str]) -> list[tuple[Axis, ...]]:
+    """The axes that entries off the diagonal couple, directly or by others, group by group."""
+    groups: list[set[Axis]] = []
+    for entry in entries:
+        joined = {*axes_of(entry)}
+        for group in [g for g in groups if g & joined]:
+            groups.remove(group)
+            joined |= group
+        groups.append(joined)
+    return [tuple(a for a in AXES if a in group) for group in groups if len(group) > 1]

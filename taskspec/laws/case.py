@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import casadi as ca
 
@@ -12,7 +12,8 @@ from taskspec.control.resolution import full_acceleration
 from taskspec.control.state import TaskState
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
-from taskspec.laws.gains import Gains, diagonal
+from taskspec.laws import coupled
+from taskspec.laws.gains import Gains, diagonal, pairs_of
 from taskspec.laws.multipliers import Multipliers
 
 
@@ -91,6 +92,34 @@ class Case:
     def diagonals(self, *names: str) -> list[ca.DM | ca.SX]:
         """(m,) of each of some gains."""
         return [self.diagonal(name) for name in names]
+
+    def times(self, name: str, vector: ca.SX, uncancelled: Sequence[Axis] = ()) -> ca.SX:
+        """(m,) one gain, a matrix where it couples axes, times a vector (m,).
+
+        Args:
+            name: of the gain.
+            vector: on the axes.
+            uncancelled: axes on which the gain is 1, whatever it is there.
+        """
+        if not pairs_of(self.gains, name):
+            diagonal = self.diagonal(name)
+            if uncancelled:
+                diagonal[self.state.rows(uncancelled)] = 1.0
+            return diagonal * vector
+        matrix = self.matrix(name)
+        for row in self.state.rows(uncancelled):
+            matrix[row, row] = 1.0
+        return matrix @ vector
+
+    def by_mass(self, vector: ca.SX) -> ca.SX:
+        """(m,) H_m^-1 times a vector (m,)."""
+        if not pairs_of(self.gains, "mass"):
+            return vector / self.diagonal("mass")
+        return linear.solve(linear.cholesky(self.matrix("mass")), vector)
+
+    def matrix(self, name: str) -> ca.SX:
+        """(m, m) one gain, zero where it has no entry."""
+        return coupled.matrix(self.gains, name, self.state.axes)
 
     def of_joints(self, name: str) -> ca.DM | ca.SX:
         """(n,) one gain on all joints."""

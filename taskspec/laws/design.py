@@ -6,17 +6,20 @@ the control period T, so that a task file need not know any of them.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from taskspec.laws.gains import FORCE_MASS, AxisDesign, AxisPlant, Gain, LawGain
+from taskspec.deferred import ca
+from taskspec.laws.gains import FORCE_MASS, AxisDesign, AxisPlant, Gain, LawGain, is_number
 
-_SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
+SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
 _MOTION_BANDWIDTH = 5.0
 _SPRING_FREQUENCY = 2.0
-_SPRING_DAMPING_RATIO = 0.7
+#: Of springs; a force loop takes 1.
+SPRING_DAMPING_RATIO = 0.7
 #: A designed force loop answers at this frequency [Hz].
 INTEGRAL_FREQUENCY = 2.0
 #: K_F of (4.121), which has no integral to rely on.
@@ -61,12 +64,12 @@ def springs(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
     plant = axis.plant
     # Where the arm keeps its own inertia, an axis moves its effective mass while the springs
     # of the other axes hold them: at the wrist ten times the free one.
-    smallest = _SMALLEST_MASS["angular" if axis.rotation else "linear"]
+    smallest = SMALLEST_MASS["angular" if axis.rotation else "linear"]
     h = max(plant.held if law.natural else plant.h, smallest)
     mass = axis.of_the_law("mass") or Gain(h, "designed: effective mass of the axis")
     # The inverse-dynamics core leaves nothing to move but `mass`, so that is what dampers stop.
     moved = plant if law.natural else replace(plant, h=mass.value)
-    if not law.natural and mass.value < plant.jammed and mass.origin != "file":
+    if not law.natural and mass.origin != "file" and mass.value < plant.jammed:
         mass = Gain(plant.jammed, _JAMMED)
     stiffness = (
         axis.own_stiffness
@@ -103,7 +106,7 @@ def force_loop(law: DesignedLaw, axis: AxisDesign, damping: Gain | None = None) 
         damping: that is given otherwise; None for that of the loop, which may be designed.
     """
     plant, mass = axis.plant, None
-    if plant.jammed > plant.h and FORCE_MASS in law.derived:
+    if FORCE_MASS in law.derived and plant.jams:
         mass = Gain(plant.jammed, _JAMMED)
     damping = damping or axis.of_the_law("force.damping")
     if damping is None and plant.damper is not None:
@@ -112,7 +115,7 @@ def force_loop(law: DesignedLaw, axis: AxisDesign, damping: Gain | None = None) 
         damping = Gain(0.0, "designed: 0 along an exact equation, where nothing moves")
     elif damping is None:
         stiffest = max(plant.k, plant.face)
-        damping = limited(2 * math.sqrt(plant.h * stiffest), plant, "designed: 2 sqrt(h k)")
+        damping = limited(2 * _root(plant.h * stiffest), plant, "designed: 2 sqrt(h k)")
     integral = axis.of_the_law("force.integral")
     if integral is None and plant.face > plant.k and "stiffness" not in law.gain_names:
         # What it had gathered while the tool lay down on its edge it would take seconds to lose;
@@ -137,14 +140,17 @@ def _integral(plant: AxisPlant, damping: float) -> Gain:
     i = (d + d_e) / Lambda_ii. A quarter of either is taken.
     """
     rules = [Gain(2 * math.pi * INTEGRAL_FREQUENCY, "designed: 2 pi 2 Hz")]
-    if damping > 0:
+    if not is_number(damping) or damping > 0:
         rules.append(Gain(plant.k / (8 * damping), "designed: k / (8 d)"))
-    if plant.jammed > plant.h:
+    if plant.jams:
         rules.append(Gain(damping / (4 * plant.jammed), "designed: d / (4 m)"))
     if plant.grip is not None and plant.k > 0:
         by_mass = (damping + plant.grip) / (4 * plant.held)
         rules.append(Gain(by_mass, "designed: (d + d_e) / (4 Lambda_ii)"))
-    return min(rules, key=lambda rule: rule.value)
+    if all(is_number(rule.value) for rule in rules):
+        return min(rules, key=lambda rule: rule.value)
+    least = functools.reduce(ca.fmin, [rule.value for rule in rules])
+    return Gain(least, "designed: the least of its rules")
 
 
 def joint_damping(given: Sequence[float] | None, joints: Sequence[AxisPlant]) -> dict[str, Gain]:
@@ -160,7 +166,7 @@ def joint_damping(given: Sequence[float] | None, joints: Sequence[AxisPlant]) ->
         return {f"joint.{i + 1}": Gain(value, "file") for i, value in enumerate(values)}
     return {
         f"joint.{i + 1}": limited(
-            2 * _SPRING_DAMPING_RATIO * math.sqrt(plant.held * plant.k),
+            2 * SPRING_DAMPING_RATIO * math.sqrt(plant.held * plant.k),
             plant,
             "designed: 2 0.7 sqrt(H_ii (J^T K J)_ii)",
         )
@@ -170,9 +176,17 @@ def joint_damping(given: Sequence[float] | None, joints: Sequence[AxisPlant]) ->
 
 def limited(wanted: float, plant: AxisPlant, rule: str) -> Gain:
     """A damping that a rule gives, or the most that sampling allows if that is less."""
+    if not (is_number(wanted) and is_number(plant.most_damping)):
+        return Gain(ca.fmin(wanted, plant.most_damping), rule)
     if wanted <= plant.most_damping:
         return Gain(wanted, rule)
     return Gain(plant.most_damping, "designed: h / (3 T), the most that sampling allows")
+
+
+def _root(value: float) -> float:
+    """The square root of a number, or of what varies."""
+    root: float = math.sqrt(value) if is_number(value) else ca.sqrt(ca.fmax(value, 0))
+    return root
 
 
 def _beside_motion(*, natural: bool) -> Gain:
@@ -183,7 +197,7 @@ def _beside_motion(*, natural: bool) -> Gain:
 
 
 def _spring_damping(mass: Gain, stiffness: Gain, k: float, plant: AxisPlant) -> Gain:
-    wanted = 2 * _SPRING_DAMPING_RATIO * math.sqrt(mass.value * (stiffness.value + k))
+    wanted = 2 * SPRING_DAMPING_RATIO * _root(mass.value * (stiffness.value + k))
     return limited(wanted, plant, "designed: 2 0.7 sqrt(h (stiffness + k))")
 
 
@@ -192,6 +206,6 @@ def _soft(axis: AxisDesign) -> dict[str, Gain]:
     stiffness = axis.own_stiffness or Gain(0.0, "none given")
     damping = axis.own_damping
     if damping is None:
-        wanted = 2 * _SPRING_DAMPING_RATIO * math.sqrt(plant.h * stiffness.value)
+        wanted = 2 * SPRING_DAMPING_RATIO * math.sqrt(plant.h * stiffness.value)
         damping = Gain(min(wanted, plant.most_damping), "designed: 2 0.7 sqrt(h stiffness)")
     return {"stiffness": stiffness, "damping": damping}

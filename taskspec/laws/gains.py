@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field
+from typing import TYPE_CHECKING
 
 from taskspec.deferred_methods import dataclass
+from taskspec.geometry.axis import PAIRS, axes_of, is_mixed
 from taskspec.text import units
 from taskspec.text.units import Dimension, scaled, show
+
+if TYPE_CHECKING:
+    from taskspec.expression import Expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +31,12 @@ class LawGain:
     unit: str = ""
     powers: Mapping[str, int] = field(default_factory=dict)
 
-    def text(self, value: float, *, angular: bool) -> str:
-        """A value [SI] on an axis in the unit that suits its size."""
+    def text(self, value: float, *, angular: bool, entry: str = "") -> str:
+        """A value [SI] on an axis, or of an entry off the diagonal, in the unit that suits it."""
         if self.unit:
             return show(value, self.unit)
+        if is_mixed(entry):
+            return scaled(value, self.dimension.mixed)
         return scaled(value, self.dimension.on(rotation=angular))
 
     def setting(self, value: float, *, angular: bool) -> str:
@@ -54,16 +61,30 @@ FORCE_DAMPING = LawGain("force.damping", units.DAMPING)
 FORCE_MASS = LawGain("force.mass", units.MASS)
 
 
+def is_number(value: object) -> bool:
+    """Whether the value of a gain is a number, not an expression of what it varies by."""
+    return isinstance(value, float | int)
+
+
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """One number [SI] and where it came from: "file" or the rule that designed it."""
+    """One number [SI] and where it came from: "file" or the rule that designed it.
+
+    Attributes:
+        value: of a gain that varies the nominal one.
+        origin: "file", or the rule.
+        formula: by which the file has it vary; None for a number.
+    """
 
     value: float
     origin: str
+    formula: Expression | None = None
 
 
-#: name of the gain -> axis -> gain
+#: name of the gain -> axis, or two of them off the diagonal of its matrix -> gain
 Gains = dict[str, dict[str, Gain]]
+#: Gains of the laws with springs that are symmetric matrices on the axes.
+MATRICES = ("mass", "stiffness", "damping", "force.proportional", "force.integral")
 
 
 def on_axis(gains: Mapping[str, Mapping[str, Gain]], axis: str) -> dict[str, float]:
@@ -81,6 +102,24 @@ def diagonal(gains: Gains, name: str, axes: Sequence[str], default: float = 0.0)
     """One gain on all axes, `default` where an axis has none."""
     given = gains.get(name, {})
     return [given[a].value if a in given else default for a in axes]
+
+
+def pairs_of(gains: Mapping[str, Mapping[str, Gain]], name: str) -> dict[str, Gain]:
+    """The entries of one gain off the diagonal of its matrix; none where it is diagonal."""
+    return {on: gain for on, gain in gains.get(name, {}).items() if on in PAIRS}
+
+
+def rows(
+    gains: Mapping[str, Mapping[str, Gain]], name: str, axes: Sequence[str]
+) -> list[list[float]]:
+    """One gain as a symmetric matrix (m, m) on some axes, zero where it has no entry [SI]."""
+    at = {axis: i for i, axis in enumerate(axes)}
+    found = [[0.0] * len(axes) for _ in axes]
+    for on, gain in gains.get(name, {}).items():
+        where = [at[axis] for axis in axes_of(on) if axis in at]
+        if where and len(where) == len(axes_of(on)):
+            found[where[0]][where[-1]] = found[where[-1]][where[0]] = gain.value
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +149,11 @@ class AxisPlant:
     jammed: float = 0.0
 
     @property
+    def jams(self) -> bool:
+        """Whether it may flip between walls; of an axis whose mass varies it is assumed."""
+        return self.jammed > 0 and (not is_number(self.h) or self.jammed > self.h)
+
+    @property
     def most_damping(self) -> float:
         """h / (3 T): what a damper held over one period can remove without overshooting."""
         return self.h / (3 * self.period)
@@ -121,7 +165,7 @@ class AxisDesign:
 
     Attributes:
         plant: arm and contact.
-        given: gains that the file gives the law on this axis, by name [SI].
+        given: gains that the file gives the law on this axis, by name, numbers in SI units.
         rotation: whether it is a rotation.
         force: whether it has a force or torque set point.
         stiffness: of the axis itself, as the file gives it [N/m, N m/rad].
@@ -130,7 +174,7 @@ class AxisDesign:
     """
 
     plant: AxisPlant
-    given: Mapping[str, float] = field(default_factory=dict)
+    given: Mapping[str, float | Gain] = field(default_factory=dict)
     rotation: bool = False
     force: bool = False
     stiffness: float | None = None
@@ -144,7 +188,8 @@ class AxisDesign:
 
     def of_the_law(self, name: str) -> Gain | None:
         """A gain that the file gives the law on this axis; None where it is to be designed."""
-        return Gain(self.given[name], "file") if name in self.given else None
+        given = self.given.get(name)
+        return Gain(given, "file") if isinstance(given, float | int) else given
 
     @property
     def own_stiffness(self) -> Gain | None:

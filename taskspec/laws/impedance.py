@@ -12,6 +12,8 @@ from taskspec.laws.gains import DAMPING, MASS, STIFFNESS, AxisDesign, Gain
 from taskspec.laws.law import LAWS, ControlLaw, register
 
 if TYPE_CHECKING:
+    import casadi as ca
+
     from taskspec.laws.case import Case
     from taskspec.laws.conditions import AxisContact, StabilityCondition
 
@@ -37,17 +39,15 @@ class Impedance(ControlLaw):
         return design.springs(law, axis)
 
     def command(self, case: Case) -> Command:
-        """(4.16), (4.17) with H_m, K_m, D_m diagonal in the task frame.
+        """(4.16), (4.17) with H_m, K_m, D_m in the task frame.
 
         In the form for a held mechanism H_m is Lambda, and no measured force is taken off.
         """
         if case.free is not None:
             return _on_mechanism(case)
         state, reference = case.state, case.reference
-        mass, stiffness, damping = case.diagonals("mass", "stiffness", "damping")
-        velocity_error = reference.velocity - state.velocity
-        pull = damping * velocity_error + stiffness * reference.error + state.f
-        return Command(acceleration=reference.acceleration + pull / mass, wrench=-state.f)
+        pull = _springs(case) + state.f
+        return Command(acceleration=reference.acceleration + case.by_mass(pull), wrench=-state.f)
 
     def strikes_with(self, gains: Mapping[str, Gain], arm_mass: float) -> float:  # noqa: ARG002
         """The apparent mass h_m."""
@@ -61,7 +61,10 @@ class Impedance(ControlLaw):
 
 def _on_mechanism(case: Case) -> Command:
     """(4.16) with H_m = Lambda: D_m e' + K_m e is sent as a wrench, and f acts by itself."""
-    state, reference = case.state, case.reference
-    stiffness, damping = case.diagonals("stiffness", "damping")
-    wrench = damping * (reference.velocity - state.velocity) + stiffness * reference.error
-    return Command(acceleration=reference.acceleration, wrench=wrench)
+    return Command(acceleration=case.reference.acceleration, wrench=_springs(case))
+
+
+def _springs(case: Case) -> ca.SX:
+    """D_m e' + K_m e (m,)."""
+    velocity_error = case.reference.velocity - case.state.velocity
+    return case.times("damping", velocity_error) + case.times("stiffness", case.reference.error)

@@ -28,11 +28,10 @@ class ImpedanceNatural(ControlLaw):
     rest = "(4.18), (4.24)"
 
     def command(self, case: Case) -> Command:
-        """(4.18)-(4.20) with K_m, D_m diagonal in the task frame."""
+        """(4.18)-(4.20) with K_m, D_m in the task frame."""
         state, reference = case.state, case.reference
-        stiffness, damping = case.diagonals("stiffness", "damping")
         velocity_error = reference.velocity - state.velocity
         return Command(
             acceleration=reference.acceleration,
-            wrench=damping * velocity_error + stiffness * reference.error,
+            wrench=case.times("damping", velocity_error) + case.times("stiffness", reference.error),
         )

@@ -49,18 +49,16 @@ class Parallel(ControlLaw):
     rest = "(4.15), (4.24)"
 
     def command(self, case: Case) -> Command:
-        """(4.36)-(4.38) with diagonal gains; K_F, K_I are zero on other axes without a force."""
+        """(4.36)-(4.38); K_F, K_I are zero on other axes without a force."""
         if case.free is not None:
             return _on_mechanism(case)
         state, reference = case.state, case.reference
-        mass, stiffness, damping = case.diagonals("mass", "stiffness", "damping")
-        proportional, integral = case.diagonals("force.proportional", "force.integral")
-        proportional[state.rows(case.normal)] = 1.0
         velocity_error = reference.velocity - state.velocity
-        motion = damping * velocity_error + stiffness * reference.error
-        desired = reference.force + reference.released
-        force = proportional * (desired - state.f) + integral * reference.force_integral
-        acceleration = reference.acceleration + (motion - force) / mass
+        motion = case.times("damping", velocity_error) + case.times("stiffness", reference.error)
+        missing = reference.force + reference.released - state.f
+        force = case.times("force.proportional", missing, case.normal)
+        force += case.times("force.integral", reference.force_integral)
+        acceleration = reference.acceleration + case.by_mass(motion - force)
         return Command(acceleration=acceleration, wrench=-state.f)
 
     def settles_at(self, *, moves: bool, reached: bool) -> str:

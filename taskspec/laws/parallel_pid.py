@@ -33,13 +33,13 @@ class ParallelPID(Parallel):
     rest = "(4.26), (4.27)"
 
     def command(self, case: Case) -> Command:
-        """(4.50) with diagonal gains."""
+        """(4.50)."""
         state, reference = case.state, case.reference
-        stiffness, damping = case.diagonals("stiffness", "damping")
-        proportional, integral = case.diagonals("force.proportional", "force.integral")
         desired = reference.force + reference.released
-        force = desired + proportional * (desired - state.f) + integral * reference.force_integral
-        return Command(wrench=stiffness * reference.error - damping * state.velocity - force)
+        force = desired + case.times("force.proportional", desired - state.f)
+        force += case.times("force.integral", reference.force_integral)
+        springs = case.times("stiffness", reference.error)
+        return Command(wrench=springs - case.times("damping", state.velocity) - force)
 
     def drag(self, gains: Mapping[str, float]) -> float | None:
         """d_m: it damps the velocity itself."""

@@ -28,10 +28,9 @@ class PD(ControlLaw):
     rest = "(4.26), (4.27)"
 
     def command(self, case: Case) -> Command:
-        """(4.21) with K_m, D_m diagonal in the task frame."""
-        state, reference = case.state, case.reference
-        stiffness, damping = case.diagonals("stiffness", "damping")
-        return Command(wrench=stiffness * reference.error - damping * state.velocity)
+        """(4.21) with K_m, D_m in the task frame."""
+        error, velocity = case.reference.error, case.state.velocity
+        return Command(wrench=case.times("stiffness", error) - case.times("damping", velocity))
 
     def drag(self, gains: Mapping[str, float]) -> float | None:
         """D_m: it damps the velocity itself."""

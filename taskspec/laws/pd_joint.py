@@ -30,8 +30,9 @@ class PDJoint(ControlLaw):
     rest = "(4.26), (4.27)"
 
     def command(self, case: Case) -> Command:
-        """(4.31) with K_m (m,) diagonal in the task frame, D_q (n,) in the joints."""
-        stiffness, joint_damping = case.diagonal("stiffness"), case.of_joints("joint_damping")
+        """(4.31) with K_m (m, m) in the task frame, D_q (n,) in the joints."""
+        joint_damping = case.of_joints("joint_damping")
         return Command(
-            wrench=stiffness * case.reference.error, joint=-joint_damping * case.joint_velocity
+            wrench=case.times("stiffness", case.reference.error),
+            joint=-joint_damping * case.joint_velocity,
         )

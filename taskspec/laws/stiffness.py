@@ -30,5 +30,5 @@ class StiffnessControl(ControlLaw):
     rest = "(4.33)"
 
     def command(self, case: Case) -> Command:
-        """(4.33) with K_m diagonal in the task frame."""
-        return Command(wrench=case.diagonal("stiffness") * case.reference.error, bare=True)
+        """(4.33) with K_m in the task frame."""
+        return Command(wrench=case.times("stiffness", case.reference.error), bare=True)

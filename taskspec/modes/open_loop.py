@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
-from taskspec.laws.gains import value_of
+from taskspec.laws.coupled import stretched
+from taskspec.laws.gains import pairs_of, value_of
 from taskspec.modes.mode import (
     AxisMode,
     Blending,
@@ -29,11 +30,17 @@ class OpenLoop(AxisMode):
     name = "open-loop"
 
     def reference(self, at: ReferenceInputs) -> OwnReference:
-        """r = r_0 + f (1/k_m + 1/k_e): a displacement that stands for a force is no motion."""
-        own = 1 / value_of(at.plan.gains, "stiffness", at.axis)
+        """r = r_0 + f (1/k_m + 1/k_e): a displacement that stands for a force is no motion.
+
+        Of springs that are coupled, K_m^-1 f takes the place of f/k_m.
+        """
+        gains, force = at.plan.gains, at.forces[at.axis]
         k = at.plan.environment.stiffness_of(at.axis)
         contact = 1 / k if k > 0 and not at.axis.is_rotation else 0.0
-        displacement = at.forces[at.axis] * (own + contact)
+        if pairs_of(gains, "stiffness"):
+            displacement = stretched(gains, at.axis, at.forces) + force * contact
+        else:
+            displacement = force * (1 / value_of(gains, "stiffness", at.axis) + contact)
         return OwnReference(at.start + displacement, ca.SX(0), ca.SX(0))
 
     def blended(self, own: OwnReference, added: Blending) -> tuple[ca.SX, ca.SX, ca.SX]:

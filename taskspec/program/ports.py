@@ -11,6 +11,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.signals import SCALARS, VECTORS
 from taskspec.signals.table import REFERENCE
+from taskspec.spec import Task
 
 Fields = tuple[tuple[str, int], ...]
 
@@ -61,13 +62,14 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
-def fields(equations: int, followed: int = 0) -> Fields:
-    """The outputs of a task's stages; last are those of each equation and each joint.
+def fields(equations: int, followed: int = 0, gains: int = 0) -> Fields:
+    """The outputs of a task's stages; last are those of equations, joints and gains.
 
     Args:
         equations: how many there are. Each has a set point, a measurement, the distance of the
             joints' references from it, and what its constraint cannot make of joint torques.
         followed: joints that follow references in a stage; 0 where none has a path of joints.
+        gains: how many of any stage vary.
     """
     on_equations = ("reaction_ref", "reaction", "gap_ref", "reaction_residual")
     return (
@@ -75,7 +77,13 @@ def fields(equations: int, followed: int = 0) -> Fields:
         *signals(),
         *((name, equations) for name in on_equations),
         ("joint_ref", followed),
+        *((("gain", gains),) if gains else ()),
     )
+
+
+def fields_of(task: Task, joints: int) -> Fields:
+    """The outputs of the stages of a task, of an arm with some joints."""
+    return fields(len(task.equations), joints if task.in_joints else 0, len(task.varying_gains))
 
 
 #: Inputs of a stage when it is entered, in this order: name and length.

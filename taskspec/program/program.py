@@ -14,7 +14,7 @@ from taskspec.program.execution.machine import Machine, Views
 from taskspec.program.execution.sensor_zero import sensor_zero
 from taskspec.program.execution.stage_solver import OwnSolver, no_own_solver
 from taskspec.program.plan import TaskPlan
-from taskspec.program.ports import fields
+from taskspec.program.ports import fields_of
 from taskspec.program.stages.stage import CompiledStage, compile_stage
 from taskspec.program.world.estimated_frames import estimates
 from taskspec.robot.model_terms import ModelTerms
@@ -78,9 +78,7 @@ class Program:
     @property
     def output_size(self) -> int:
         """Length of a machine's `outputs`."""
-        return sum(
-            length for _, length in fields(len(self.context.equations), self.context.followed)
-        )
+        return sum(n for _, n in fields_of(self.context.loaded.task, self.context.robot.n))
 
     def past(self, stage: str, limit: str) -> Program:
         """The same program, one stage of which goes on beyond the limits of a name."""

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from taskspec.geometry.axis import Axis
+from taskspec.laws.coupled import yielding_stiffness
 from taskspec.laws.gains import value_of
 from taskspec.program.components import ends, nominal
 from taskspec.program.context import Context
@@ -90,7 +91,7 @@ def _span(stage: StagePlan, axis: Axis) -> tuple[float, float] | None:
     From (4.26), (4.27) with the reference f (1/k_m + 1/k) below the nominal surface.
     """
     contact, value = stage.contacts.of(axis), stage.set_points.of(axis)
-    own = value_of(stage.gains, "stiffness", axis)
+    own = yielding_stiffness(stage.gains, axis)
     if contact is None or value is None or own == 0:
         return None
     k, context = stage.environment.stiffness_of(axis), stage.context

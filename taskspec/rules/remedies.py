@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from taskspec.geometry.axis import PAIRS
 from taskspec.laws.law import gain_named
 from taskspec.program.context import Context
 from taskspec.spec import FILE, KeyPath, Task
@@ -60,7 +61,7 @@ def _gains(analysed: SampledStage, search: Search, axis: str) -> Iterator[Limit]
     others = [
         other
         for other in dict.fromkeys(a for by in analysed.stage.plan.gains.values() for a in by)
-        if other != axis
+        if other != axis and other not in PAIRS
     ]
     ways = [
         search.gains([axis], given=True),

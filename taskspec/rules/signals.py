@@ -11,7 +11,7 @@ from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.signals import entry_of
 from taskspec.rules import Finding, Phase, error, rule
-from taskspec.signals import VECTORS
+from taskspec.signals import VECTORS, Index
 from taskspec.signals.table import REFERENCE
 
 
@@ -26,6 +26,10 @@ def missing_signals(stage: StagePlan) -> Iterator[Finding]:
             yield from _missing(stage, reference, reference=True)
     if stage.spec.path is not None and stage.spec.path.slowed is not None:
         yield from _missing(stage, stage.spec.path.slowed, reference=True)
+    for entries in stage.law.by_entry.values():
+        for gain in entries.values():
+            if isinstance(gain, Expression):
+                yield from _missing(stage, gain, reference=True)
 
 
 def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> Iterator[Finding]:
@@ -33,7 +37,8 @@ def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> It
     for node, inside_norm in _names(expression.tree, False):
         hint = ""
         entry = entry_of(context.loaded.task, node.path)
-        reason = no_such_signal(stage, node, inside_norm=inside_norm)
+        gain = entry is not None and entry.signal.index is Index.GAIN
+        reason = None if gain else no_such_signal(stage, node, inside_norm=inside_norm)
         if reason is None and reference and entry is not None:
             reason = entry.signal.reference or None
         if reason is None and node.path[0] in context.mechanisms and node.path[0] != context.held:
@@ -42,7 +47,10 @@ def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> It
         if reason is None and entry is not None:
             reason = entry.signal.unmeasured or None
         if reason is not None:
-            yield error("TS224", f"{node}: {reason}", expression.where(node), hint)
+            # A law is that of several stages, and one gain that of several axes.
+            yield error(
+                "TS224", f"{node}: {reason}", expression.where(node), hint, unless=("TS224",)
+            )
 
 
 def _instead(context: Context, node: Name) -> str:
@@ -84,10 +92,10 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
         elsewhere = _not_elsewhere(stage.context, node)
         if elsewhere is not None:
             return elsewhere
-    if path[0] == "gap" and len(path) == 1:
-        return _no_gap(stage)
-    if path[0] == "path_done" and stage.spec.path is None:
-        return f"stage {stage.name!r} has no path"
+    if len(path) == 1:
+        return _no_single(stage, path[0])
+    if path[0] == Index.GAIN and len(path) > 2:
+        return _no_gain(stage, ".".join(path[1:-1]), path[-1])
     if path[0] == "joint" and int(path[1]) > robot.n:
         return f"{robot.name!r} has {robot.n} joints"
     if path[0] in stage.context.equations and path[1] == "residual":
@@ -135,6 +143,19 @@ def _no_references(stage: StagePlan, path: tuple[str, ...]) -> str | None:
         return None
     what = f"set point of a {path[0]}" if path[0] == vector.bare[0].effort else "motion"
     return f"no axis has a {what} here"
+
+
+def _no_single(stage: StagePlan, name: str) -> str | None:
+    """Why a stage has no signal of a single word, None if it has it."""
+    if name == "path_done" and stage.spec.path is None:
+        return f"stage {stage.name!r} has no path"
+    return _no_gap(stage) if name == "gap" else None
+
+
+def _no_gain(stage: StagePlan, name: str, on: str) -> str | None:
+    """Why the log has no gain of a stage, None if it has."""
+    varies = (name, on) in stage.law.varying
+    return None if varies else f"the {name} of stage {stage.name!r} does not vary on {on!r}"
 
 
 def _no_gap(stage: StagePlan) -> str | None:

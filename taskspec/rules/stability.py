@@ -180,8 +180,27 @@ def _of_stage(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Find
     if here is not None:
         yield from here
         return
-    there = _where_it_leads(stage, analysed, shared)
+    there = _where_it_leads(stage, analysed, shared) or _at_other_gains(analysed, shared)
     yield from _in_other_worlds(analysed, shared) if there is None else there
+
+
+def _at_other_gains(analysed: SampledStage, shared: Shared) -> Iterator[Finding] | None:
+    """What is unstable, or rings, at an end of the range of gains that vary; None where nothing is.
+
+    The loops are those of gains that stay where they are: what their change adds, the trial shows.
+    """
+    name = analysed.stage.name
+    for which, other in analysed.at_ends():
+        modes = other.modes()
+        worst, ringing = worst_of(modes), ringing_of(_swinging(modes, shared))
+        where = f"at the {which} of its gains"
+        if worst is not None and grows(worst):
+            text = f"stage {name!r} is unstable {where}"
+            return _findings(other, modes, worst, shared, "TS501", Severity.WARNING, text)
+        if ringing is not None:
+            text = f"stage {name!r} rings {where}"
+            return _findings(other, modes, ringing, shared, "TS502", Severity.WARNING, text)
+    return None
 
 
 def _elsewhere(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Finding]:

@@ -9,6 +9,7 @@ from taskspec.signals import entries as entries
 from taskspec.signals.situation import MovingPose, ObjectState, Situation
 from taskspec.signals.table import (
     CLOCKS,
+    GAIN,
     JOINT,
     LINK,
     OBJECT,
@@ -26,6 +27,7 @@ from taskspec.signals.table import (
 
 __all__ = [
     "CLOCKS",
+    "GAIN",
     "JOINT",
     "LINK",
     "OBJECT",

@@ -10,20 +10,25 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, TypeVar
 
-from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS, Axis
+from taskspec.geometry.axis import AXES, PAIRS, ROTATIONS, TRANSLATIONS, Axis, entry_dimension
 from taskspec.signals.operations import acos, clip, dot, norm, stack
 from taskspec.signals.situation import Situation
 from taskspec.signals.table import MEASURED, REFERENCE, WORLD, WRENCH, Index, condition, signal
 from taskspec.text.units import (
     ANGLE,
     ANGULAR_VELOCITY,
+    DAMPING,
     FORCE,
+    FREQUENCY,
     LENGTH,
+    MASS,
     MOMENT,
     NUMBER,
     POWER,
+    STIFFNESS,
     TIME,
     VELOCITY,
+    Dimension,
 )
 
 if TYPE_CHECKING:
@@ -232,6 +237,28 @@ def _late(at: Situation) -> None:
 @signal("lost", NUMBER, of=Index.LINK, low=0.0, counted=True, unmeasured=_OF_THE_LINK)
 def _lost(at: Situation) -> None:
     """How many in a row did not come, up to the tick; 0 in the process and in lock-step."""
+
+
+def _gain(name: str, dimension: Dimension, what: str) -> None:
+    """Enters a gain, on every entry of its matrix."""
+    dimensions = {on: entry_dimension(dimension, on) for on in (*AXES, *PAIRS)}
+
+    @signal(
+        name,
+        of=dimensions,
+        meanings=dict.fromkeys(dimensions, what),
+        unmeasured="a law makes its gains of measurements: write the gain's own expression",
+        absent="a gain that does not vary",
+    )
+    def _value(at: Situation, on: str) -> None:
+        """What the law had."""
+
+
+_gain("mass", MASS, "apparent mass of a law, where it varies")
+_gain("stiffness", STIFFNESS, "stiffness of a law, where it varies")
+_gain("damping", DAMPING, "damping of a law, where it varies or follows what does")
+_gain("force.proportional", NUMBER, "proportional gain of a force loop, where it varies")
+_gain("force.integral", FREQUENCY, "integral gain of a force loop, where it varies or follows")
 
 
 @signal(

@@ -9,15 +9,15 @@ from enum import StrEnum
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
-from taskspec.geometry.axis import TRANSLATIONS, Axis, as_axis
+from taskspec.geometry.axis import PAIRS, TRANSLATIONS, Axis, as_axis
 from taskspec.text.units import NUMBER, Dimension
 
 
 class Index(StrEnum):
     """What the members of an entry differ by: an axis, a joint, an object of the world, a stage.
 
-    A single signal has one member, and so have a clock and a figure of the link to a plant that is
-    elsewhere.
+    Those of a gain differ by the entry of its matrix. A single signal has one member, and so have a
+    clock and a figure of the link to a plant that is elsewhere.
     """
 
     SINGLE = "single"
@@ -27,6 +27,7 @@ class Index(StrEnum):
     STAGE = "stage"
     CLOCK = "clock"
     LINK = "link"
+    GAIN = "gain"
 
 
 #: What may differ from the truth: the wrench, which is zero while nothing is touched; objects.
@@ -134,6 +135,8 @@ CLOCKS: dict[str, Signal] = {}
 JOINT: dict[str, Signal] = {}
 STAGE: dict[str, Signal] = {}
 LINK: dict[str, Signal] = {}
+#: Gains of a law that may vary, by their name.
+GAIN: dict[str, Signal] = {}
 #: Of an object, by its kind and the last part of the name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
@@ -144,6 +147,7 @@ _TABLES = {
     Index.STAGE: STAGE,
     Index.CLOCK: CLOCKS,
     Index.LINK: LINK,
+    Index.GAIN: GAIN,
 }
 
 
@@ -161,7 +165,7 @@ def signal(
         name: of the signal.
         dimension: of it, where all members have the same.
         of: what its members differ by; where they are axes or objects of several kinds, their
-            dimensions by axis or kind.
+            dimensions by axis, entry or kind.
         meanings: by axis or kind, where one docstring does not do.
         facts: the other attributes of `Signal`.
     """
@@ -171,6 +175,7 @@ def signal(
             index, dimensions = of, {"": dimension or NUMBER}
         else:
             index = Index.AXIS if all(map(as_axis, of)) else Index.OBJECT
+            index = Index.GAIN if {*of} & {*PAIRS} else index
             dimensions = dict(of)
         text = " ".join((formula.__doc__ or "").split()).removesuffix(".")
         text = text[:1].lower() + text[1:]
@@ -229,6 +234,9 @@ def find(
             kind = objects[owner]
             found = OBJECT[kind].get(name)
             return Entry(found, owner, found.dimensions[kind]) if found else None
+        case (Index.GAIN, *words, on) if (name := ".".join(words)) in GAIN:
+            gain = GAIN[name]
+            return Entry(gain, on, gain.dimensions[on]) if on in gain.dimensions else None
         case (Index.LINK, name) if name in LINK:
             return Entry(LINK[name], "", LINK[name].dimension)
         case _:

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
-from taskspec.geometry.axis import AXES
+from taskspec.geometry.axis import AXES, PAIRS
 from taskspec.spec.fault import Fault
 from taskspec.spec.gains import AxisValues
 from taskspec.spec.task import Task
@@ -23,7 +23,7 @@ from taskspec.spec.truth import FAULTS, DeclaredTruth
 Step = str | int
 
 #: What the file may give as keys of a gain.
-_OF_A_GAIN = frozenset({*AXES, "linear", "angular"})
+_OF_A_GAIN = frozenset({*AXES, *PAIRS, "linear", "angular"})
 
 
 class UnknownKeyError(LookupError, AttributeError):

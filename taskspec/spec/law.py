@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 
-from taskspec.geometry.axis import Axis
+from taskspec.expression import Expression
+from taskspec.geometry.axis import AXES, PAIRS, Axis, axes_of, coupled
 from taskspec.laws import DEFAULT, LAWS, ControlLaw
 from taskspec.laws.computed_torque import COMPUTED_TORQUE
+from taskspec.laws.coupled import groups, with_damping
 from taskspec.laws.design import joint_damping
 from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
 from taskspec.spec.axis import AxisEntry
@@ -30,6 +33,10 @@ from taskspec.text.units import (
     STIFFNESS,
 )
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
 register(
     {
         "TS206": "an unknown law",
@@ -41,7 +48,26 @@ register(
 _GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio")
 NULL_SPACE_GOALS = ("posture", "joint-limits", "manipulability")
 
-Damping = Annotated[AxisValues, GainField(DAMPING, least=0)]
+Damping = Annotated[AxisValues, GainField(DAMPING, least=0, matrix=True)]
+
+
+Worth = Callable[[Expression], Any]
+"""The value of an expression by which a gain varies: a number, or what it is of the inputs."""
+
+
+def _constant(expression: Expression) -> float:
+    """Of a law whose gains do not vary.
+
+    Raises:
+        ValueError: one does.
+    """
+    raise ValueError(f"a gain varies: {expression}")
+
+
+def _gain(given: float | Expression, worth: Worth) -> Gain:
+    if isinstance(given, Expression):
+        return Gain(worth(given), "file", given)
+    return Gain(given, "file")
 
 
 class ForceGains(Model):
@@ -55,10 +81,10 @@ class ForceGains(Model):
 
     noun = "the gains of a force loop"
 
-    proportional: Annotated[AxisValues, GainField(NUMBER, least=0)] | None = Field(
+    proportional: Annotated[AxisValues, GainField(NUMBER, least=0, matrix=True)] | None = Field(
         None, title="Proportional gain"
     )
-    integral: Annotated[AxisValues, GainField(FREQUENCY, least=0)] | None = Field(
+    integral: Annotated[AxisValues, GainField(FREQUENCY, least=0, matrix=True)] | None = Field(
         None, title="Integral gain"
     )
     damping: Damping | None = Field(None, title="Damping along force axes")
@@ -91,10 +117,10 @@ class Law(Model):
     kind: Annotated[str, Word(tuple(LAWS), "law", code="TS206")] = Field(
         DEFAULT, title="Control law"
     )
-    mass: Annotated[AxisValues, GainField(MASS, above=0)] | None = Field(
+    mass: Annotated[AxisValues, GainField(MASS, above=0, matrix=True)] | None = Field(
         None, title="Apparent mass"
     )
-    stiffness: Annotated[AxisValues, GainField(STIFFNESS, least=0)] | None = Field(
+    stiffness: Annotated[AxisValues, GainField(STIFFNESS, least=0, matrix=True)] | None = Field(
         None, title="Stiffness"
     )
     damping: Damping | None = Field(None, title="Damping")
@@ -126,42 +152,111 @@ class Law(Model):
         """What is known of the law that `kind` names."""
         return COMPUTED_TORQUE if self.kind == COMPUTED_TORQUE.kind else LAWS[self.kind]
 
-    def given(self, axis: Axis) -> dict[str, float]:
-        """The gains that the file gives on an axis, by name [SI]."""
-        found: dict[str, float] = {}
+    @property
+    def by_entry(self) -> dict[str, dict[str, float | Expression]]:
+        """The gains that the file gives, by name and entry, numbers in SI units."""
+        found: dict[str, dict[str, float | Expression]] = {}
         for owner, names in ((self, _GAINS), (self.force, tuple(ForceGains.model_fields))):
             for name in names if owner is not None else ():
                 values: AxisValues | None = getattr(owner, name)
-                value = None if values is None else values.get(axis)
-                if value is not None:
-                    found[name if owner is self else f"force.{name}"] = value
+                if values is not None:
+                    found[name if owner is self else f"force.{name}"] = values.entries
         return found
 
-    def design(self, axes: Mapping[Axis, AxisEntry], plants: Mapping[Axis, AxisPlant]) -> Gains:
+    @property
+    def varying(self) -> tuple[tuple[str, str], ...]:
+        """The gains that vary, by name and entry: those of the file, and what follows from them.
+
+        A designed damping follows mass and stiffness of its axis, and of those that are coupled
+        with it, a designed integral the damping.
+        """
+        given, law = self.by_entry, self.control_law
+        found = [
+            (name, on)
+            for name, entries in given.items()
+            for on, value in entries.items()
+            if isinstance(value, Expression)
+        ]
+        if not any(name in ("mass", "stiffness", "damping") for name, _ in found):
+            return tuple(found)
+        moved = [on for name in ("mass", "stiffness") for on in given.get(name, ()) if on in PAIRS]
+        damping = {axis for on in given.get("damping", ()) for axis in axes_of(on)}
+        varies = {axis for name, on in found if name != "damping" for axis in axes_of(on)}
+        follow: list[str] = [axis for axis in AXES if axis in varies - damping]
+        for group in coupled(moved):
+            if varies & {*group} and not damping & {*group}:
+                follow += [axis for axis in group if axis not in follow]
+                follow += [a + b for a, b in combinations(group, 2)]
+        if "damping" not in law.gain_names or law.damps_joints:
+            follow = []
+        found += [("damping", on) for on in follow]
+        if "force.integral" in law.gain_names:
+            damped = {axis for name, on in found if name == "damping" for axis in axes_of(on)}
+            own = given.get("force.integral", {})
+            found += [("force.integral", a) for a in AXES if a in damped and a not in own]
+        return tuple(found)
+
+    @property
+    def matrices(self) -> bool:
+        """Whether a gain of the file couples axes, or varies."""
+        pairs = any(on in PAIRS for entries in self.by_entry.values() for on in entries)
+        return pairs or bool(self.varying)
+
+    def given(self, axis: Axis, worth: Worth) -> dict[str, Gain]:
+        """The gains that the file gives on an axis, by name.
+
+        Args:
+            axis: of the stage.
+            worth: values of expressions.
+        """
+        return {
+            name: _gain(entries[axis], worth)
+            for name, entries in self.by_entry.items()
+            if axis in entries
+        }
+
+    def design(
+        self,
+        axes: Mapping[Axis, AxisEntry],
+        plants: Mapping[Axis, AxisPlant],
+        mobility: NDArray[np.float64] | None = None,
+        worth: Worth = _constant,
+    ) -> Gains:
         """All gains of a stage: those of the file, and designed ones for what it leaves out.
 
         Args:
             axes: modes of the axes that exist.
             plants: mass and stiffness of the same axes.
+            mobility: (m, m) J H^-1 J^T on them; None where they do not move each other.
+            worth: values of the expressions by which gains vary.
         """
         gains: Gains = {}
-        for name, axis in axes.items():
-            designed = self.control_law.design(
-                AxisDesign(
-                    plant=plants[name],
-                    given=self.given(name),
-                    rotation=name.is_rotation,
-                    force=axis.has_force,
-                    stiffness=axis.stiffness,
-                    damping=axis.damping,
-                    lets_go=axis.mode.lets_go,
-                )
+        each = {
+            name: AxisDesign(
+                plant=plants[name],
+                given=self.given(name, worth),
+                rotation=name.is_rotation,
+                force=axis.has_force,
+                stiffness=axis.stiffness,
+                damping=axis.damping,
+                lets_go=axis.mode.lets_go,
             )
-            for gain, value in designed.items():
+            for name, axis in axes.items()
+        }
+        for name, of_axis in each.items():
+            for gain, value in self.control_law.design(of_axis).items():
                 gains.setdefault(gain, {})[name] = value
+        for gain, entries in self.by_entry.items():
+            for on, given in entries.items():
+                if on in PAIRS and all(axis in gains.get(gain, {}) for axis in PAIRS[on]):
+                    gains[gain][on] = _gain(given, worth)
+        if groups(gains):
+            with_damping(self.control_law, gains, each, mobility)
         return gains
 
-    def design_equation(self, joints: bool, plant: AxisPlant) -> dict[str, Gain]:
+    def design_equation(
+        self, joints: bool, plant: AxisPlant, worth: Worth = _constant
+    ) -> dict[str, Gain]:
         """The gains of the force loop of one equation.
 
         An equation takes what is given for translations, one on joints what is given for rotations.
@@ -169,11 +264,12 @@ class Law(Model):
         Args:
             joints: whether it is on joints.
             plant: mass and stiffness along its unit gradient.
+            worth: values of the expressions by which gains vary.
         """
-        given = self.given(Axis.RX if joints else Axis.X)
+        given = self.given(Axis.RX if joints else Axis.X, worth)
         return self.control_law.design_equation(AxisDesign(plant, given, rotation=joints))
 
-    def design_joint(self, plant: AxisPlant, *, turns: bool) -> dict[str, Gain]:
+    def design_joint(self, plant: AxisPlant, *, turns: bool, worth: Worth) -> dict[str, Gain]:
         """The gains of the motion of one joint on a path of joints.
 
         It takes what is given for rotations where it turns, and for translations where it slides;
@@ -182,8 +278,9 @@ class Law(Model):
         Args:
             plant: inertia of the joint.
             turns: whether it is a hinge.
+            worth: values of the expressions by which gains vary.
         """
-        linear, angular = self.given(Axis.X), self.given(Axis.RX)
+        linear, angular = self.given(Axis.X, worth), self.given(Axis.RX, worth)
         given = linear | angular if turns else angular | linear
         return self.control_law.design(AxisDesign(plant, given, rotation=turns))
 

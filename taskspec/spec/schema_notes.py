@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from taskspec.geometry.axis import Axis
+from taskspec.geometry.axis import PAIRS, Axis
 from taskspec.spec.schema_meanings import MEANINGS
 
 _NAME = "A name given elsewhere in the file"
@@ -150,4 +150,6 @@ def annotate(model: str, form: dict[str, Any]) -> None:
 
 
 def _axis(name: str) -> str:
+    if name in PAIRS:
+        return f"Between {' and '.join(PAIRS[name])}"
     return f"About {name[1:]}" if Axis(name).is_rotation else f"Along {name}"

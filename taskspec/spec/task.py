@@ -153,6 +153,12 @@ class Task(Model):
         own = {key: getattr(given, key) for key in given.model_fields_set}
         return self.limits.model_copy(update={k: v for k, v in own.items() if v is not None})
 
+    @property
+    def varying_gains(self) -> tuple[tuple[str, str], ...]:
+        """The gains that vary in any of its stages, by name and entry, in the order of the log."""
+        laws = [self.law, *(stage.law for stage in self.stages.values() if stage.law is not None)]
+        return tuple(dict.fromkeys(each for law in laws for each in law.varying))
+
     def dimensions_of(self, path: str) -> tuple[Dimension, ...]:
         """The dimension of each component of a value that can vary, by its path under `vary`."""
         return self.target_of(path).dimensions

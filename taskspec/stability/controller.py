@@ -26,7 +26,7 @@ from taskspec.program.ports import LAW, slices
 from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.slowed_path import AT, TIME
 from taskspec.program.stages.hand_over import SIZE
-from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.stages.stage import FROZEN, CompiledStage
 from taskspec.program.world import estimated_frames
 from taskspec.robot.model_terms import PinocchioTerms
 
@@ -124,6 +124,8 @@ class Operating:
         given.append(stage.gains)
         entered = evaluated(entry.function, *self._arguments, handed, *given)
         self.memory, self.parameters, numbers = entered
+        if FROZEN in stage.parameters:
+            stage.parameters.write(self.parameters, FROZEN, 1.0)
         if stage.choice is not None:
             given = [*self._arguments, self.memory, self.parameters]
             Chooser(stage.choice, stage.parameters, given).first()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from taskspec.deferred_methods import dataclass
-from taskspec.laws.gains import Gain, Gains
+from taskspec.laws.gains import Gain, Gains, pairs_of
 from taskspec.laws.law import gain_named
 from taskspec.stability.controller import LinearController
 from taskspec.stability.sampled_stage import SampledStage
@@ -33,6 +33,8 @@ class Family:
     @staticmethod
     def of(sampled: SampledStage, what: str, on: Sequence[str]) -> Family | None:
         """The family of a gain on some axes; None where a member has no derivative."""
+        if what == "mass" and pairs_of(sampled.stage.plan.gains, what):
+            return None  # The inverse of a matrix is no polynomial of one of its entries.
         members: list[LinearController] = []
         for factor in _AT:
             moved = 1 / factor if what == "mass" else factor

@@ -34,9 +34,12 @@ def best_design(stage: StagePlan) -> Design:
     """The first design of a stage whose sampled loop is quiet, else the best of them.
 
     Tried are the law's own form and that for a mechanism, as the rules have them, and while every
-    one is unstable or about to be, the same with other factors on designed gains.
+    one is unstable or about to be, the same with other factors on designed gains. Gains that vary,
+    and what follows from them, are those of the rules.
     """
     first = stage.by_rules()
+    if stage.law.varying:
+        return first
     best: tuple[tuple[int, float], Design] | None = None
     forms: dict[bool, CompiledStage] = {}
     try:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
@@ -133,6 +135,25 @@ class SampledStage:
         plant = linear_plant(self.context, self.context.loaded.task, {})
         return replace(self, pressed={}, meets=False, nominal=plant, sliding=None)
 
+    def at_ends(self) -> Iterator[tuple[str, SampledStage]]:
+        """The same stage with gains that vary at the ends of their ranges, and which end that is.
+
+        A gain without such an end, or with one that is not positive, stays nominal.
+        """
+        plan = self.stage.plan
+        for which in ("least", "greatest") if plan.law.varying else ():
+
+            def worth(expression: Expression, which: str = which) -> float:
+                within = plan.gain_range.of(expression)
+                end = within.low if which == "least" else within.high
+                sound = math.isfinite(end) and end > 0
+                return end if sound else plan.gain_range.nominal(expression)
+
+            gains = plan.gains | plan.design_rules.design(worth=worth).gains
+            at = self.at.under(gains)
+            stage = replace(self.stage, plan=plan.but(gains=gains))
+            yield which, replace(self, stage=stage, at=at, controller=at.linear())
+
     def there(self, here: Instant) -> SampledStage:
         """The same stage, with its gains, where its way leads the arm and the held mechanism."""
         context = replace(self.context, **arm_at(self.context.robot, here.q))
@@ -238,7 +259,7 @@ def control_of(stage: StagePlan) -> str:
         for name, axis in stage.spec.axes.items()
         if _kind(axis) != _kind(AxisEntry())
     }
-    law = stage.law.model_dump_json()
+    law = repr(stage.law)
     # After a path of joints the arm is another.
     arm = stage.context.start.tobytes()
     return repr((sorted(axes.items()), stage.frame.name, law, sorted(stage.spec.constraints), arm))

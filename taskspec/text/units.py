@@ -55,6 +55,11 @@ class Dimension:
         """What it is on an axis: about one, moments and angles for forces and lengths."""
         return _ABOUT.get(self, self) if rotation else self
 
+    @property
+    def mixed(self) -> Dimension:
+        """What it is between an axis along and one about: N/rad of a stiffness, kg*m of a mass."""
+        return self * LENGTH / (NUMBER if self == MASS else ANGLE) if self in _ABOUT else self
+
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
@@ -227,6 +232,10 @@ MEASURES = (
     Measure("a jerk", JERK, "m/s^3", ("m/s^3",)),
     Measure("an angular jerk", ANGULAR_JERK, "rad/s^3", ("rad/s^3", "deg/s^3")),
     Measure("a length per angle", LENGTH / ANGLE, "m/rad", ("mm/rad", "m/rad", "mm/turn")),
+    Measure("a stiffness between a force and an angle", FORCE / ANGLE, "N/rad", ("N/rad", "N/deg")),
+    Measure("a damping between a force and a rate of turn", FORCE / ANGULAR_VELOCITY, "N*s/rad",
+            ("N*s/rad",)),
+    Measure("a mass times a length", MASS * LENGTH, "kg*m", ("kg*m",)),
 )  # fmt: skip
 """The one table of units: whatever shows a quantity uses it."""
 

@@ -19,13 +19,14 @@ _NAMES = {
     signals.Index.JOINT: "joint.N.{0}",
     signals.Index.STAGE: "STAGE.{0}",
     signals.Index.LINK: "link.{0}",
+    signals.Index.GAIN: "gain.{0}.ENTRY",
 }
 
 
 def signal_rows() -> Iterator[list[str]]:
     """Rows of signals that belong to no object."""
     tables = (signals.VECTORS, signals.SCALARS, signals.CLOCKS, signals.JOINT, signals.STAGE)
-    tables = (*tables, signals.LINK)
+    tables = (*tables, signals.LINK, signals.GAIN)
     for signal in (signal for table in tables for signal in table.values()):
         members: dict[str, list[str]] = {}
         for key in signal.dimensions:

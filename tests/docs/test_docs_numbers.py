@@ -195,7 +195,8 @@ def test_rigid():
 
 def test_limits():
     limits = "limits: {force: 60 N, torque: 9 N*m, speed: 1 m/s, deviation: 10 mm}\n"
-    angles = "law: {kind: hybrid, orientation: rpy}\n"
+    varies = "stiffness: {z: 1 kN/m + 10 N/m * t/(1 s)}"
+    angles = f"law: {{kind: impedance, orientation: rpy, {varies}}}\n"
     protected = {"robot.protection": "panda"}
     found = compile_task(load(completed(limits + angles), protected)).stages[0].events
     names = [e.name for e in found if e.kind == events.LIMIT]

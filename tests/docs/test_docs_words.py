@@ -103,15 +103,28 @@ def test_signals_that_other_frames_show_differently():
     assert set(words(match[2])) == {s.name for s in entries if s.anywhere}
 
 
+#: The log has a gain where it varies.
+VARYING = """law:
+  kind: parallel
+  mass: {z: 4 kg + 1 kg * sin(2*pi*t/(1 s))}
+  stiffness: {z: 400 N/m + 100 N/m * sin(2*pi*t/(1 s))}
+  damping: {z: 200 N*s/m + 10 N*s/m * sin(2*pi*t/(1 s))}
+  force:
+    proportional: {z: 1 + 0.1 * sin(2*pi*t/(1 s))}
+    integral: {z: 2 /s + 0.1 /s * sin(2*pi*t/(1 s))}
+"""
+
+
 @pytest.mark.parametrize("row", table(LANGUAGE, "table: signals"), ids=lambda row: words(row[0])[0])
 def test_signals_are_available_where_the_table_says(row):
     signal = words(row[0])[0].replace("joint.N", "joint.1")
-    signal = signal.replace("STAGE", "slide")
+    signal = signal.replace("STAGE", "slide").replace("ENTRY", "z")
     number = row[1] != "condition"
     unit = words(row[1])[0] if words(row[1]) else ""
     condition = f"{signal} > 1 {unit}" if number else signal
     motion = f"{signal}*(1 N/(1 {unit}))" if unit else f"{signal}*(1 N)"
     stage = 'stages: {slide: {axes: {z: {force: "%s"}, x: hold}, %stime: 1 s}}\nexpect: [%s]\n'
+    stage = VARYING + stage if signal.startswith("gain.") else stage
     path = "path: {line: {by: [0, 5 mm]}, time: 1 s}, "
     places = {
         "references": stage % (motion, path, ""),

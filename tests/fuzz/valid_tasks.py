@@ -241,10 +241,18 @@ _EXPECTED = st.one_of(
 )
 
 
+#: Laws with full matrices of gains, and with gains that vary.
+_MATRICES = (
+    "{kind: impedance, mass: {linear: 3 kg, xz: 500 g}, stiffness: {x: 1 kN/m, zrx: 9 N/rad}}",
+    "{kind: pd, stiffness: {z: 1 kN/m + 100 N/m * sin(2*pi*t/(1 s)), xz: 100 N/m}}",
+    '{kind: parallel, stiffness: {z: "max(1 kN/m - 20 N/m * force.z / press, 90 N/m)"}}',
+)
+
+
 @st.composite
 def tasks(draw: st.DrawFn) -> str:
     """The text of a task that is read without an error, whatever its checks make of it."""
-    law = draw(_one(*LAWS))
+    law = draw(_one(*LAWS, *_MATRICES))
     world = [f"table: {draw(_OBJECT)}"]
     if draw(st.booleans()):
         world += [f"door: {draw(_MECHANISM)}", f"leaf: {draw(_RIDER)}"]

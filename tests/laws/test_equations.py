@@ -13,6 +13,8 @@ from law_cases import as_reference, command_of, gains_on
 
 from taskspec.control import linear, resolution, state
 from taskspec.control.command import Command
+from taskspec.geometry.axis import PAIRS
+from taskspec.laws.gains import Gain
 from taskspec.program.clock import Clock
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.world import kinematics
@@ -274,6 +276,76 @@ def test_laws_written_out(arm, law):
             np.testing.assert_allclose(u, J.T @ pull + g, rtol=1e-9, atol=1e-8)
             continue
         np.testing.assert_allclose(got, expected, rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "law",
+    ["impedance", "impedance-natural", "pd", "pd-joint", "stiffness", "parallel", "parallel-pid"],
+)
+def test_laws_written_out_with_matrices(arm, law):
+    """The same with full M, D, K, K_F and K_I; (4.31) and (4.33) as torques, too."""
+    axes = AXES[arm.robot.name]
+    m = len(axes)
+    rows = [state.AXES.index(a) for a in axes]
+    task = task_state(arm, axes)
+    e, rate, acceleration, f_d, integral = reference(m, 8)
+    M, D, K = (positive_definite(m) * s for s in (1, 30, 200))
+    K_F, K_I, D_q = positive_definite(m), positive_definite(m), RNG.uniform(1, 5, arm.n)
+    ref = as_reference(e, rate, acceleration, f_d, integral)
+    gains = matrices_on(
+        axes, mass=M, damping=D, stiffness=K, force__proportional=K_F, force__integral=K_I
+    )
+    gains |= gains_on([f"joint.{i + 1}" for i in range(arm.n)], joint_damping=D_q)
+    wanted = command_of(law, task, ref, gains, joint_velocity=arm.v)
+    posture = ca.SX.zeros(arm.n) if arm.n > m and law not in ("pd-joint", "stiffness") else None
+    u_symbol = resolution.torque(
+        wanted, task, arm.terms.H, arm.terms.bias, arm.terms.gravity, posture
+    )
+    for _ in range(5):
+        values = _, v, w = arm.random()
+        if arm.robot.name == "planar3":
+            w[[2, 3, 4]] = 0.0
+        u, twist, mobility = arm([u_symbol, arm.terms.twist, task.mobility], values)
+        x_rate, f = twist[rows], w[rows]
+        got, _ = closed_loop(arm, axes, u, values, w)
+        spring = D @ (rate - x_rate) + K @ e
+        if law == "impedance":
+            expected = acceleration + np.linalg.solve(M, spring + f)
+        elif law == "impedance-natural":
+            expected = acceleration + mobility @ (spring + f)
+        elif law == "parallel":
+            force = K_F @ (f_d - f) + K_I @ integral
+            expected = acceleration + np.linalg.solve(M, spring - force)
+        else:
+            J, g = arm([task.J, arm.terms.gravity], values)
+            torques = {
+                "pd": J.T @ (K @ e - D @ x_rate) + g,
+                "pd-joint": J.T @ K @ e - D_q * v + g,
+                "stiffness": J.T @ K @ e,
+                "parallel-pid": J.T @ (K @ e - D @ x_rate - f_d - K_F @ (f_d - f) - K_I @ integral)
+                + g,
+            }
+            np.testing.assert_allclose(u, torques[law], rtol=1e-9, atol=1e-8)
+            continue
+        np.testing.assert_allclose(got, expected, rtol=1e-7, atol=1e-7)
+
+
+def positive_definite(m):
+    A = RNG.normal(size=(m, m))
+    return A @ A.T / m + np.eye(m)
+
+
+def matrices_on(axes, **values):
+    """Gains by name (with __ for a dot) and entry, from symmetric matrices on the axes."""
+    on = {axis: i for i, axis in enumerate(axes)}
+    entries = {a: (i, i) for a, i in on.items()}
+    entries |= {p: (on[a], on[b]) for p, (a, b) in PAIRS.items() if a in on and b in on}
+    return {
+        gain.replace("__", "."): {
+            name: Gain(float(value[where]), "file") for name, where in entries.items()
+        }
+        for gain, value in values.items()
+    }
 
 
 def test_hybrid_axes_do_not_disturb_each_other():

@@ -160,6 +160,38 @@ def test_the_loops_press_and_slide_a_flat_tool_alike(tool: str, plate: str, tmp_
     assert the_same(program, tmp_path)
 
 
+VARYING = """
+taskspec: 1
+robot: {{model: {arm}, start: {{xyz: [500 mm, 0, 340 mm]}}}}
+world: {{table: {{shape: plane, xyz: [0, 0, 330 mm], friction: 0.2}}}}
+law:
+  kind: {law}
+  stiffness:
+    x: 900 N/m + 200 N/m * sin(2*pi*t/(0.7 s))
+    z: "max(600 N/m + 20 kN/m^2 * table.gap, 200 N/m)"
+    xz: 150 N/m + 20 N/m * cos(2*pi*clock/(1 s))
+    zrx: 5 N/rad
+    yrz: 4 N/rad
+    xrz: 2 N/rad
+    y: 800 N/m
+    rx: 40 N*m/rad
+    rz: 40 N*m/rad
+stages:
+  approach: {{axes: {{z: {{move: -15 mm, speed: 50 mm/s}}}}}}
+  press: {{axes: {{z: {{force: -8 N}}}}, time: 0.6 s}}
+  leave: {{axes: {{x: {{velocity: 20 mm/s}}}}, time: 0.5 s}}
+"""
+
+
+@pytest.mark.parametrize("arm", ["ur5e", "panda"])
+@pytest.mark.parametrize("law", ["impedance", "impedance-natural", "pd-joint", "parallel"])
+def test_the_loops_compute_gains_that_vary_alike(arm: str, law: str, tmp_path: Path) -> None:
+    (tmp_path / "varying.yaml").write_text(VARYING.format(arm=arm, law=law))
+    program = compile_unchecked(load_task(tmp_path / "varying.yaml"))
+    assert program.context.loaded.task.varying_gains
+    assert the_same(program, tmp_path)
+
+
 TRACKING = """
 taskspec: 1
 robot:

@@ -17,7 +17,9 @@ def stage_gains(program: Program) -> dict[str, list[dict[str, Any]]]:
         for name, by_axis in stage.plan.gains.items():
             groups: dict[tuple[float, str], list[str]] = {}
             for axis, gain in by_axis.items():
-                text = gain_named(name).text(gain.value, angular=turns(program.context, axis))
+                text = gain_named(name).text(
+                    gain.value, angular=turns(program.context, axis), entry=axis
+                )
                 groups.setdefault((gain.value, text), []).append(axis)
             for (value, text), axes in groups.items():
                 origin = by_axis[axes[0]].origin

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.faults import ENCODER, TORQUE
-from taskspec.program.ports import INTERNAL, slices
-from taskspec.program.ports import fields as fields_of
+from taskspec.program.ports import INTERNAL, fields_of, slices
 from taskspec.spec import Task
 from taskspec_runner.plant.views import PlantViews, view_fields
 
@@ -36,7 +35,7 @@ class Bus:
 
     def __init__(self, joints: int, task: Task, *, linked: bool = False) -> None:
         truth, self.linked = view_fields(task), linked
-        outputs = fields_of(len(task.equations), joints if task.in_joints else 0)
+        outputs = fields_of(task, joints)
         fields = [
             ("clock", 1),
             ("t", 1),

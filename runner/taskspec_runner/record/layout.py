@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from taskspec.deferred import pa
 from taskspec.deferred_methods import dataclass
 from taskspec.faults import ENCODER, TORQUE
-from taskspec.geometry.axis import AXES
+from taskspec.geometry.axis import AXES, Axis, axes_of
 from taskspec.program import ports
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
-from taskspec.signals import JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
+from taskspec.signals import GAIN, JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
 from taskspec.signals.table import MEASURED, REFERENCE
 from taskspec.spec import Task
 from taskspec.text.units import si_unit
@@ -218,6 +218,7 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
     if any(stage.resolution is not None for stage in stages):
         yield Column("limits", "", "limits")
         yield Column("residual", "", "residual")
+    yield from _of_gains(task, axes)
     yield from _of_joints(robot.n, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
@@ -242,6 +243,14 @@ def _of_equations(task: Task) -> Iterator[Column]:
             residual = signals["residual"]
             unit = si_unit(residual.dimensions[equation.kind])
             yield Column(f"{owner}.residual", unit, residual.output, i)
+
+
+def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:
+    """The columns of the gains that vary, as far as the arm has their axes."""
+    for i, (name, on) in enumerate(task.varying_gains):
+        if {*axes_of(on)} <= {*axes}:
+            unit = si_unit(GAIN[name].dimensions[on])
+            yield Column(f"{Index.GAIN}.{name}.{on}", unit, "gain", i)
 
 
 def _of_joints(joints: int, task: Task) -> Iterator[Column]:

@@ -14,8 +14,9 @@ from taskspec.program.signals import entry_of
 from taskspec.program.stages.protected import PROTECTION, about_force
 from taskspec.rules.finding import Finding, Place, warning
 from taskspec.rules.places import motion_of
-from taskspec.spec import FILE, key_of
+from taskspec.spec import FILE, KeyPath, key_of
 from taskspec.spec.stage import OSCILLATION
+from taskspec.stability.gain_paths import gain_path
 from taskspec.stability.sampled_stage import loop_of
 from taskspec.text.codes import register
 from taskspec.text.units import show
@@ -29,6 +30,7 @@ from taskspec_runner.verdict.run_finding import RunFinding
 
 register(
     {
+        "TS219": "a gain that stops being positive definite in the trial",
         "TS422": "an arm that is singular on its way",
         "TS424": "a joint that comes to its limit",
         "TS425": "a motion that leaves what its frame follows",
@@ -70,6 +72,7 @@ _LIMIT_CODES = {
     "singularity": "TS422",
     "representation_singularity": "TS422",
     "frame_left": "TS425",
+    "gain": "TS219",
 }
 #: A mode that is damped less than this is the one that shows in a noisy signal.
 _PASSES_NOISE_ON = 0.3
@@ -77,6 +80,7 @@ _PASSES_NOISE_ON = 0.3
 _NOTHING = 1e-6
 #: What helps where no cause can be read off the trial.
 _REMEDIES = {
+    "TS219": "bound the expression: max(.., 100 N/m) of a stiffness",
     "TS422": "keep the arm bent: shorten the motion, or start elsewhere",
     "TS424": "move more slowly, or start in another posture",
     "TS425": "shorten the motion, or end the stage before",
@@ -172,6 +176,8 @@ def _explained(moment: Moment, name: str, text: str) -> tuple[str, Place, Cause 
         return _LIMIT_CODES[name], place, first_cause(moment, *_MOTION_CAUSES)
     if name in ("joint_position", "joint_velocity"):
         return "TS424", motion, _of_joint(moment, name, text)
+    if name == "gain":
+        return _LIMIT_CODES[name], _varying(stage), None
     if name in _LIMIT_CODES:
         return _LIMIT_CODES[name], motion, None
     if name == PROTECTION:
@@ -193,6 +199,12 @@ def _explained(moment: Moment, name: str, text: str) -> tuple[str, Place, Cause 
         key_of(own),
         causes.no_number(text, stage) or first_cause(moment, *_MOTION_CAUSES),
     )
+
+
+def _varying(stage: StagePlan) -> KeyPath:
+    """Where the file has the first gain of a stage that varies."""
+    name, on = stage.law.varying[0]
+    return gain_path(stage.context, stage.name, name, on)
 
 
 _FORCE_CAUSES = (

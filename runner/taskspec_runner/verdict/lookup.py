@@ -192,6 +192,8 @@ def _signal_of(meaning: Meaning) -> str:
         return f"joint.{meaning.subject}.{meaning.name}"
     if meaning.kind == "object":
         return f"{meaning.subject}.{meaning.name}"
+    if meaning.kind == "gain":
+        return f"gain.{meaning.name}.{meaning.subject}"
     if meaning.kind == "link":
         return f"link.{meaning.name}"
     return f"{meaning.name}.{meaning.axis}" if meaning.axis else meaning.name

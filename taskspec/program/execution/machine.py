@@ -22,7 +22,7 @@ from taskspec.program.execution.stage_solver import (
     no_own_solver,
 )
 from taskspec.program.execution.transition import FAIL, Exit, Transition, exits
-from taskspec.program.ports import HANDED, INTERNAL, fields, slices
+from taskspec.program.ports import HANDED, INTERNAL, fields_of, slices
 from taskspec.program.reference.axis_plan import not_finite
 from taskspec.program.stages import hand_over
 from taskspec.program.stages.stage import CompiledStage
@@ -398,5 +398,6 @@ class Machine:
 
     def named_outputs(self) -> dict[str, Vector]:
         """The last outputs by name."""
-        named = slices(fields(len(self.stage.equations), self.stage.plan.context.followed))
+        context = self.stage.plan.context
+        named = slices(fields_of(context.loaded.task, context.robot.n))
         return {name: self.outputs[where] for name, where in named.items()}

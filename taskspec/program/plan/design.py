@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
-from taskspec.laws.gains import AxisPlant, Gains, value_of
+from taskspec.laws.gains import AxisPlant, Gains, rows
 from taskspec.laws.mechanism_form import damping_rate
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.plan.contacts import StageContacts
 from taskspec.program.plan.environment import StageEnvironment
+from taskspec.program.plan.gain_range import GainRange
 from taskspec.program.plan.kinematics import StageKinematics
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.reference.constraints import equation_gains
@@ -28,6 +29,7 @@ from taskspec.program.world.stiffness import GRIP
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.operational import SINGULAR
 from taskspec.spec import Law
+from taskspec.spec.law import Worth
 
 Vector = NDArray[np.float64]
 
@@ -63,6 +65,7 @@ class DesignRules:
         plans: Mapping[Axis, AxisPlan],
         active: tuple[str, ...],
         moving_base: MovingBase | None,
+        ranges: GainRange,
     ) -> None:
         """Of a stage.
 
@@ -75,49 +78,65 @@ class DesignRules:
             plans: who controls each of its axes.
             active: names of the equations that constrain it.
             moving_base: how the object moves that carries its frame; None where none does.
+            ranges: the values of the expressions by which gains vary.
         """
+        self._range = ranges
         self._context, self._law, self._kinematics = context, law, kinematics
         self._contacts, self._environment, self._plans = contacts, environment, plans
         self._active, self._moving_base = active, moving_base
 
-    def design(self, *, consistent: bool = False) -> Design:
+    def design(self, *, consistent: bool = False, worth: Worth | None = None) -> Design:
         """Form and gains of the law.
 
         Args:
             consistent: whether it takes the form for a held mechanism.
+            worth: values of the expressions by which gains vary; by default the nominal ones. What
+                damps joints is that of these in any case.
         """
+        values = self._range.nominal if worth is None else worth
         context, law, axes = self._context, self._law, self._kinematics.axes
         plants = self.plants
         if consistent:
             rate = damping_rate(context.period)
             plants = {a: replace(plant, damper=rate * plant.held) for a, plant in plants.items()}
-        gains = law.design({a: p.axis for a, p in self._plans.items()}, plants)
-        for gain, by in equation_gains(context, law, self._active, context.equations).items():
+        entries = {a: p.axis for a, p in self._plans.items()}
+        gains = law.design(entries, plants, self._mobility, values)
+        equations = equation_gains(context, law, self._active, context.equations, values)
+        for gain, by in equations.items():
             gains.setdefault(gain, {}).update(by)
-        if law.control_law.damps_joints:
-            stiffness = [value_of(gains, "stiffness", a) + self._pressed(a) for a in axes]
+        if law.control_law.damps_joints and worth is None:
+            stiffness = np.array(rows(gains, "stiffness", axes))
+            stiffness[np.diag_indices_from(stiffness)] += [self._pressed(a) for a in axes]
             gains["joint_damping"] = law.design_joints(self._joint_plants(stiffness))
         return Design(gains, consistent)
 
     def in_joints(self) -> Design:
         """Gains of a path of joints: of the motion of each joint, and of the constraints."""
-        context, law = self._context, self._law
+        context, law, values = self._context, self._law, self._range.nominal
         gains: Gains = {}
-        for i, plant in enumerate(self._joint_plants([0.0] * len(self._kinematics.axes))):
-            designed = law.design_joint(plant, turns=turns_at(context.robot, i))
+        free = np.zeros((len(self._kinematics.axes), len(self._kinematics.axes)))
+        for i, plant in enumerate(self._joint_plants(free)):
+            designed = law.design_joint(plant, turns=turns_at(context.robot, i), worth=values)
             for gain, value in designed.items():
                 gains.setdefault(gain, {})[f"joint.{i + 1}"] = value
-        for gain, by in equation_gains(context, law, self._active, context.equations).items():
+        equations = equation_gains(context, law, self._active, context.equations, values)
+        for gain, by in equations.items():
             gains.setdefault(gain, {}).update(by)
         return Design(gains)
 
     @cached_property
-    def plants(self) -> dict[Axis, AxisPlant]:
-        """Mass and stiffness of each axis at the start pose."""
-        mobility, environment = self._kinematics.axis_mobility, self._environment
+    def _mobility(self) -> Vector:
+        """(m, m) J H^-1 J^T on the axes at the start pose."""
+        mobility = self._kinematics.axis_mobility
         if np.linalg.cond(mobility) > SINGULAR:
             # The run stops before its first tick; that it is said needs gains that are finite.
             mobility = mobility + np.eye(len(mobility)) / SINGULAR
+        return mobility
+
+    @cached_property
+    def plants(self) -> dict[Axis, AxisPlant]:
+        """Mass and stiffness of each axis at the start pose."""
+        mobility, environment = self._mobility, self._environment
         inertia = np.asarray(np.linalg.inv(mobility), dtype=np.float64)
         jams = [a for a in self._kinematics.axes if self._may_jam(a)]
         ratio, period = self._flip(mobility, inertia) if jams else 0.0, self._context.period
@@ -170,15 +189,17 @@ class DesignRules:
         k = self.plants[axis].k if self._plans[axis].set_point else 0.0
         return k if math.isfinite(k) else 0.0
 
-    def _joint_plants(self, stiffness: list[float]) -> list[AxisPlant]:
+    def _joint_plants(self, stiffness: Vector) -> list[AxisPlant]:
         """Inertia and stiffness about each joint at the start pose.
 
         Args:
-            stiffness: of spring and contact together, on the axes [N/m, N m/rad].
+            stiffness: (m, m) of spring and contact together, on the axes [N/m, N m/rad].
         """
         context = self._context
         J = self._kinematics.tip_jacobian
-        about = np.einsum("ij,i,ij->j", J, stiffness, J)
+        about = np.einsum("ij,i,ij->j", J, np.diag(stiffness), J)
+        if np.count_nonzero(stiffness - np.diag(np.diag(stiffness))):
+            about = np.einsum("ij,ik,kj->j", J, stiffness, J)
         free = 1.0 / np.diag(np.linalg.inv(context.start_inertia))
         held = np.diag(context.start_inertia)
         return [
@@ -193,7 +214,7 @@ class DesignRules:
         """Whether the law has a form for the held mechanism, seen as the stage's frame does."""
         law = self._law
         fits = law.control_law.mechanism_form and law.orientation == "so3" and not self._active
-        return bool(self._contacts.held) and fits and self._moving_base is None
+        return bool(self._contacts.held) and fits and self._moving_base is None and not law.matrices
 
     @property
     def cancels_late(self) -> float:

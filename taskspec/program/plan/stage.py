@@ -25,6 +25,7 @@ from taskspec.program.known_value import KnownValues
 from taskspec.program.plan.contacts import StageContacts
 from taskspec.program.plan.design import Design, DesignRules
 from taskspec.program.plan.environment import StageEnvironment
+from taskspec.program.plan.gain_range import GainRange
 from taskspec.program.plan.kinematics import StageKinematics
 from taskspec.program.plan.set_points import StageSetPoints
 from taskspec.program.reference.axis_plan import AxisPlan, plan_axes, uncontrolled
@@ -213,7 +214,13 @@ class StagePlan:
             self.plans,
             self.active,
             self.moving_base,
+            self.gain_range,
         )
+
+    @cached_property
+    def gain_range(self) -> GainRange:
+        """The values of the expressions by which its gains vary."""
+        return GainRange(self.context, self.spec, self.contacts.main, self.longest)
 
     # Its axes
 

@@ -24,6 +24,7 @@ from taskspec.program.slots import Slots
 from taskspec.program.world.equations import EquationModel, EquationTerms
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.spec import Law, Stage
+from taskspec.spec.law import Worth
 
 #: How far a stage may go along a curved equation for which gains are designed [m].
 _WAY = 0.5
@@ -104,7 +105,11 @@ def active_equations(
 
 
 def equation_gains(
-    context: Context, law: Law, names: Sequence[str], models: Mapping[str, EquationModel]
+    context: Context,
+    law: Law,
+    names: Sequence[str],
+    models: Mapping[str, EquationModel],
+    worth: Worth,
 ) -> Gains:
     """Gains of the equations' force loops, by gain and equation."""
     gains: Gains = {}
@@ -114,7 +119,7 @@ def equation_gains(
         inverse = float((normals * np.linalg.solve(context.start_inertia, normals)).sum(0).max())
         h = 1.0 / inverse if inverse > 0 else 1.0
         plant = AxisPlant(h=h, held=h, k=context.compliances[name].stiffness, period=context.period)
-        for gain, value in law.design_equation(model.joints, plant).items():
+        for gain, value in law.design_equation(model.joints, plant, worth).items():
             gains.setdefault(gain, {})[name] = value
     return gains
 

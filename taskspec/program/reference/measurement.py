@@ -53,6 +53,7 @@ class Measurement:
         gaps: to every shape.
         table: signals by name.
         infeasible: what contacts do not return of the set points.
+        varying_gains: of all stages of the task, by name and entry.
         tracks: what its frame tracks, by its number in `tracked_frames`; 0 for nothing.
     """
 
@@ -74,6 +75,7 @@ class Measurement:
     gaps: Mapping[str, ca.SX]
     table: SignalTable
     infeasible: InfeasibleForces
+    varying_gains: tuple[tuple[str, str], ...]
     tracks: float
 
     @property
@@ -172,6 +174,7 @@ def measure(plan: StagePlan) -> Measurement:
         gaps=gaps,
         table=SignalTable(situation, _constants(context), elsewhere),
         infeasible=infeasible,
+        varying_gains=task.varying_gains,
         tracks=tracked_frames.NUMBERS[frame.tracking.of] if frame.tracking is not None else 0.0,
     )
 

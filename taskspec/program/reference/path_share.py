@@ -22,8 +22,17 @@ from taskspec.spec import Stage
 _SETTLED_TIME = 60.0
 
 
-def speeds(context: Context, stage: Stage, speed: Expression) -> Interval:
-    """The range of an expression by its signals' nature and the stage's limits."""
+def values_within(
+    context: Context, stage: Stage, expression: Expression, longest: float = math.inf
+) -> Interval:
+    """The range of an expression by its signals' nature and the stage's limits.
+
+    Args:
+        context: of the task.
+        stage: that it stands in.
+        expression: of measured signals.
+        longest: after which the stage has ended whatever happens [s].
+    """
     task = context.loaded.task
     limits = task.limits_of(stage).stopping()
 
@@ -33,11 +42,11 @@ def speeds(context: Context, stage: Stage, speed: Expression) -> Interval:
             known = _constant(context, name)
             return ANY if known is None else point(known)
         signal = found.signal
-        natural = Interval(signal.low, signal.high)
+        natural = Interval(signal.low, longest if signal.name == "t" else signal.high)
         most = getattr(limits, signal.limit) if signal.limit else None
         return natural if most is None else natural.meet(Interval(-most, most))
 
-    return evaluate(speed.tree, IntervalAlgebra(), bounds)
+    return evaluate(expression.tree, IntervalAlgebra(), bounds)
 
 
 def least_share(context: Context, stage: Stage, path: PathShape | None) -> float:
@@ -45,7 +54,7 @@ def least_share(context: Context, stage: Stage, path: PathShape | None) -> float
     if path is None or path.slowed is None:
         return 1.0
     assert path.speed is not None
-    least = speeds(context, stage, path.slowed).low
+    least = values_within(context, stage, path.slowed).low
     return max(least / path.speed, 0.0)
 
 

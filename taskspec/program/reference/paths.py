@@ -19,7 +19,7 @@ from taskspec.program.context import Context
 from taskspec.program.errors import spec_error
 from taskspec.program.known_value import known_value
 from taskspec.program.reference.joint_motion import JointMotion
-from taskspec.program.reference.path_share import speeds
+from taskspec.program.reference.path_share import values_within
 from taskspec.robot import RobotError
 from taskspec.robot.inverse_kinematics import turns_at
 from taskspec.robot.start import check_joints, inside_limits
@@ -92,7 +92,7 @@ def path_shape(
         )
     if not isinstance(path.speed, Expression):
         return PathShape(form, driven, speed=path.speed, time=path.time)
-    most = speeds(context, stage, path.speed).high
+    most = values_within(context, stage, path.speed).high
     if not 0 < most < math.inf:
         message = "the greatest speed of this path is not known, and it is planned for that"
         hint = "bound what slows it: 40 mm/s * clamp(1 - abs(force.x)/(20 N), 0, 1)"

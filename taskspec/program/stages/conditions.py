@@ -9,7 +9,9 @@ import casadi as ca
 
 from taskspec.control import linear
 from taskspec.expression import Expression
-from taskspec.geometry.axis import AXES, Axis
+from taskspec.geometry.axis import AXES, PAIRS, Axis, axes_of, coupled
+from taskspec.laws.coupled import matrix
+from taskspec.laws.gains import MASS, MATRICES, Gains, pairs_of
 from taskspec.program import events
 from taskspec.program.algebra import length
 from taskspec.program.events import Condition, Event
@@ -86,6 +88,30 @@ def limit_conditions(
         text = f"the tool came to the axis of {frame.mechanism.name!r}, where {frame.name!r} ends"
         found.append(Condition(Event(events.LIMIT, "frame_left", text), margin < 0, margin))
     return found
+
+
+def gain_conditions(gains: Gains) -> Iterator[Condition]:
+    """Matrices of gains that the file has vary and that are not positive definite any more.
+
+    Args:
+        gains: of a stage, as its tick has them.
+    """
+    for name in MATRICES:
+        entries = gains.get(name, {})
+        varying = {on for on, gain in entries.items() if gain.formula is not None}
+        least, holds = ca.SX(ca.inf), ca.SX(0)
+        groups = coupled([*pairs_of(gains, name)])
+        for on in varying - {axis for group in groups for axis in group} - {*PAIRS}:
+            value = ca.SX(entries[on].value)
+            least = ca.fmin(least, value)
+            holds = ca.logic_or(holds, value <= 0 if name == MASS.name else value < 0)
+        for group in groups:
+            if any({*axes_of(on)} <= {*group} for on in varying):
+                pivot = linear.least_pivot(matrix(gains, name, group))
+                least, holds = ca.fmin(least, pivot), ca.logic_or(holds, pivot <= 0)
+        if varying:
+            text = f"the law's {name} is not positive definite any more"
+            yield Condition(Event(events.LIMIT, "gain", text), holds, least)
 
 
 def _joint_limits(robot: RobotModel, q: ca.SX, v: ca.SX) -> Iterator[Condition]:

@@ -11,7 +11,8 @@ import casadi as ca
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.laws.gains import Gains, value_of
+from taskspec.laws.coupled import stretched
+from taskspec.laws.gains import Gains, pairs_of, value_of
 from taskspec.modes import StageStart
 from taskspec.motion.path import PathPlan
 from taskspec.motion.polynomial import PiecewiseCubic
@@ -267,11 +268,17 @@ class Entering:
         if self.plan.law.control_law.force_loop:
             return {}
         local, found = self._local(self.held), {}
+        coupled = bool(pairs_of(self.gains, "stiffness"))
+        forces = {name: local[name.row] for name in self.plan.plans}
         for name in self.plan.plans:
             stiffness = value_of(self.gains, "stiffness", name)
             # A gain that is an expression is positive; see `tunable`.
             if isinstance(stiffness, ca.SX) or stiffness > 0:
-                found[name] = local[AXES.index(name)] / stiffness
+                found[name] = (
+                    stretched(self.gains, name, forces)
+                    if coupled
+                    else local[AXES.index(name)] / stiffness
+                )
         return found
 
     def _local(self, wrench: ca.SX) -> ca.SX:

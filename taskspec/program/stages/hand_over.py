@@ -9,7 +9,7 @@ import casadi as ca
 
 from taskspec.control.representation import Representation
 from taskspec.program.plan import StagePlan
-from taskspec.program.ports import HANDED, fields, slices
+from taskspec.program.ports import HANDED, fields, fields_of, slices
 from taskspec.program.reference.orientation import displaced, representation_of
 from taskspec.program.world.moving_base import MovingBase
 
@@ -35,8 +35,8 @@ def leaving(plan: StagePlan) -> ca.Function:
         if axis.motion and not axis.force and not axis.open_loop
     )
     axes = tuple(name.row for name in plan.plans)
-    angles = representation_of(plan.law)
-    size = sum(n for _, n in fields(len(plan.context.equations), plan.context.followed))
+    angles, context = representation_of(plan.law), plan.context
+    size = sum(n for _, n in fields_of(context.loaded.task, context.robot.n))
     if plan.moving_base is None:
         return _leaving_still(axes, forced, tracked, angles, size)
     return _leaving(axes, forced, tracked, angles, size, plan.moving_base)

@@ -104,6 +104,7 @@ def outputs(
         _by_equation(measurement, forces.gaps),
         _by_equation(measurement, forces.residuals),
         ca.SX.nan(followed) if joints is None else joints.position,
+        _gains(measurement, commanded),
     )
 
 
@@ -121,6 +122,18 @@ def _by_equation(measurement: Measurement, values: Mapping[str, ca.SX]) -> ca.SX
     """(equations,) values, such as set points, NaN where there is none."""
     nothing = ca.SX(np.nan)
     return ca.vertcat(ca.SX(0, 1), *(values.get(name, nothing) for name in measurement.rows))
+
+
+def _gains(measurement: Measurement, commanded: Commanded) -> ca.SX:
+    """(gains,) those that vary in any stage of the task, NaN where this one does not have them."""
+    gains, nothing = commanded.case.gains, ca.SX(np.nan)
+    return ca.vertcat(
+        ca.SX(0, 1),
+        *(
+            ca.SX(by[on].value) if on in (by := gains.get(name, {})) else nothing
+            for name, on in measurement.varying_gains
+        ),
+    )
 
 
 def _reactions(measurement: Measurement) -> ca.SX:

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression
 from taskspec.laws.gains import Gains
 from taskspec.program.errors import spec_error
 from taskspec.program.events import Condition, Event, code
 from taskspec.program.limits.programs import resolve
 from taskspec.program.limits.resolution import Resolution, Resolved, saturated
-from taskspec.program.operators import quick_operators
+from taskspec.program.operators import choice, quick_operators
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement, measure
 from taskspec.program.reference.slowed_path import INITIAL
@@ -26,12 +27,15 @@ from taskspec.program.signals import UnknownSignalError
 from taskspec.program.slots import Slots, gain_slot
 from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
-from taskspec.program.stages.conditions import limit_conditions, stage_conditions
+from taskspec.program.stages.conditions import gain_conditions, limit_conditions, stage_conditions
 from taskspec.program.stages.entry import Entering, StageEntry
 from taskspec.program.stages.hand_over import leaving
 from taskspec.program.stages.outputs import of_the_law, outputs, probe
 from taskspec.program.stages.protected import protection_conditions
 from taskspec.spec import FILE
+
+#: The parameter that is 1 where gains that vary are to stay as they are, 0 in every run.
+FROZEN = "frozen"
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +110,8 @@ def compile_stage(plan: StagePlan) -> CompiledStage:
 def _compiled(plan: StagePlan) -> CompiledStage:
     context = plan.context
     measurement = measure(plan)
-    filled = plan.but(gains=tunable(plan.gains, measurement.parameters))
+    live, gains_at_entry = tunable(plan, measurement)
+    filled = plan.but(gains=live)
     commanded = command(filled, measurement)
     limited = _limited(plan, measurement, commanded) if plan.law.solve == "qp" else None
     torque = limited.limits.torque if limited else saturated(context.robot, commanded.torque)
@@ -142,7 +147,7 @@ def _compiled(plan: StagePlan) -> CompiledStage:
         events=events,
         tick=ca.Function("tick", arguments, results),
         closed_form=ca.Function("closed_form", arguments, law),
-        entry=Entering(plan, filled.gains, measurement, initial, at_entry, own).entry(),
+        entry=Entering(plan, gains_at_entry, measurement, initial, at_entry, own).entry(),
         leaving=leaving(plan),
         own=own,
         choice=candidates(arguments, commanded),
@@ -150,17 +155,40 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     )
 
 
-def tunable(gains: Gains, parameters: Slots) -> Gains:
-    """Gains as slots of the parameters, which an entry fills; those of zero stay what they are."""
-    return {
-        name: {
-            axis: replace(gain, value=parameters.add(gain_slot(name, axis)))
-            if gain.value > 0
-            else gain
-            for axis, gain in by_axis.items()
-        }
-        for name, by_axis in gains.items()
-    }
+def tunable(plan: StagePlan, measurement: Measurement) -> tuple[Gains, Gains]:
+    """The gains of a stage as its tick has them, and as its entry does.
+
+    They are slots of the parameters, which an entry fills; those of zero stay what they are. Gains
+    that vary are their expressions, but slots, too, where the parameter `FROZEN` is 1.
+    """
+    parameters, known = measurement.parameters, dict[int, ca.SX]()
+    inputs = measurement.inputs
+    at_start = ca.vertcat(0, inputs.now[1:])
+
+    def worth(expression: Expression) -> ca.SX:
+        if id(expression) not in known:
+            known[id(expression)] = measurement.translate(expression)
+        return known[id(expression)]
+
+    varying: Gains = {}
+    if plan.law.varying:
+        varying = plan.design_rules.design(consistent=plan.consistent, worth=worth).gains
+        frozen = parameters.add(FROZEN)
+    live: Gains = {}
+    at_entry: Gains = {}
+    for name, by_axis in plan.gains.items():
+        for on, gain in by_axis.items():
+            now = varying[name][on].value if on in varying.get(name, {}) else gain.value
+            here: float | ca.SX = gain.value
+            first = here
+            if isinstance(now, ca.SX):
+                here = choice(frozen, parameters.add(gain_slot(name, on)), now)
+                first = ca.substitute(now, inputs.now, at_start)
+            elif gain.value != 0:
+                here = first = parameters.add(gain_slot(name, on))
+            live.setdefault(name, {})[on] = replace(gain, value=here)
+            at_entry.setdefault(name, {})[on] = replace(gain, value=first)
+    return live, at_entry
 
 
 def _limited(plan: StagePlan, measurement: Measurement, commanded: Commanded) -> Resolved:
@@ -178,6 +206,7 @@ def _conditions(plan: StagePlan, measurement: Measurement, commanded: Commanded)
     limits = [
         *limit_conditions(context.robot, plan, measurement, commanded.references),
         *commanded.conditions,
+        *gain_conditions(commanded.case.gains),
         *protection_conditions(plan, measurement),
     ]
     return [

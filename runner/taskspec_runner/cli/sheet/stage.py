@@ -217,8 +217,13 @@ def _gains(program: Program, stage: CompiledStage) -> Iterator[GainRow]:
     for name, by_axis in stage.plan.gains.items():
         groups: dict[tuple[str, str], list[str]] = {}
         for axis, gain in by_axis.items():
-            text = gain_named(name).text(gain.value, angular=turns(program.context, axis))
-            groups.setdefault((text, gain.origin), []).append(axis)
+            text = gain_named(name).text(
+                gain.value, angular=turns(program.context, axis), entry=axis
+            )
+            origin = gain.origin
+            if gain.formula is not None:
+                text, origin = f"{text} at the start", f"file: {gain.formula}"
+            groups.setdefault((text, origin), []).append(axis)
         for (value, origin), axes in groups.items():
             yield GainRow(name, tuple(axes), value, origin)
 
