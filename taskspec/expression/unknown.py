@@ -137,7 +137,7 @@ def _signal(
     head = path[0]
     if path[-1] == REFERENCE and (of := signals.find(path[:-1], scope.objects)) is not None:
         return _reference(of.signal, path, start, end)
-    if path[-1] in (*FUNCTIONS, *REDUCERS) and len(path) > 1:
+    if path[-1] in (*FUNCTIONS, *REDUCERS) and len(path) > 1 and path[-1] != "angle":
         inner = ".".join(path[:-1])
         message, hint = f"'{path[-1]}' is a function", f"it comes first: {path[-1]}({inner})"
         return Problem("TS120", message, start, end, hint)

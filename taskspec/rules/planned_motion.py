@@ -86,7 +86,7 @@ def motions_off_an_equation(stage: StagePlan) -> Iterator[Finding]:
     ]
     for equation, model in equations.items():
         finding = None
-        if not (model.joints or _moves(model)):
+        if not (model.joints or model.turns or _moves(model)):
             finding = _off(stage, equation, model, way, free)
         if finding is not None:
             yield finding
@@ -100,7 +100,7 @@ def _off(
     free: list[Vector],
 ) -> Finding | None:
     x = ca.SX.sym("x", 3)
-    terms = model.terms(x, ca.SX.zeros(3), ca.SX(0))
+    terms = model.terms(x, ca.SX(0))
     at = ca.Function("at", [x], [terms.distance, terms.normal, terms.scale])
     least = _FLAT * stage.context.start_equations[equation].scale
     both = model.constraint.relation == "=" or equation in stage.active

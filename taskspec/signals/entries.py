@@ -236,11 +236,12 @@ def _lost(at: Situation) -> None:
 
 @signal(
     "gap",
-    of={"shape": LENGTH, "equation": LENGTH, "joint equation": ANGLE},
+    of={"shape": LENGTH, "equation": LENGTH, "rotation equation": ANGLE, "joint equation": ANGLE},
     meanings={
         "shape": "signed distance of the tool's shape from it",
         "equation": "distance of the tip along the unit gradient, left minus right over its "
         "gradient",
+        "rotation equation": "the same of the tip's rotation",
         "joint equation": "the same in joint space",
     },
 )
@@ -282,8 +283,11 @@ def _object_force(at: Situation, name: str) -> ca.SX | None:
 )
 @signal(
     "torque",
-    of={"joint equation": MOMENT},
-    meanings={"joint equation": "the same in joint space"},
+    of={"rotation equation": MOMENT, "joint equation": MOMENT},
+    meanings={
+        "rotation equation": "the moment that the robot applies along the unit gradient",
+        "joint equation": "the same in joint space",
+    },
     beside=(REFERENCE, MEASURED),
 )
 @signal(
@@ -301,3 +305,33 @@ def _object_force(at: Situation, name: str) -> ca.SX | None:
 )
 def _object_effort(at: Situation, name: str) -> ca.SX | None:
     return at.objects[name].effort
+
+
+def _of_bushings() -> None:
+    """Enters the components of what bushings have along and about their own axes."""
+    for axis in AXES:
+        about = "about" if axis.is_rotation else "along"
+
+        def place(at: Situation, name: str, row: int = axis.row) -> ca.SX | None:
+            found = at.objects[name].displacement
+            return None if found is None else found[row]
+
+        def effort(at: Situation, name: str, row: int = axis.row) -> ca.SX | None:
+            found = at.objects[name].wrench
+            return None if found is None else found[row]
+
+        meaning = "rotation vector of the tip" if axis.is_rotation else "place of the tip"
+        signal(
+            f"position.{axis}",
+            of={"bushing": axis.of(LENGTH)},
+            meanings={"bushing": f"{meaning} from the rest pose, {about} its {axis.letter}"},
+        )(place)
+        signal(
+            f"{axis.effort}.{axis}",
+            of={"bushing": axis.of(FORCE)},
+            meanings={"bushing": f"what the robot applies to it at the tip, {about} its {axis.letter}"},
+            unmeasured="the robot does not measure the force of one object; use norm(force)",
+        )(effort)
+
+
+_of_bushings()

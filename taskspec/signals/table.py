@@ -131,7 +131,7 @@ CLOCKS: dict[str, Signal] = {}
 JOINT: dict[str, Signal] = {}
 STAGE: dict[str, Signal] = {}
 LINK: dict[str, Signal] = {}
-#: Of an object, by its kind and the last part of the name.
+#: Of an object, by its kind and what follows the object's name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
 _TABLES = {
@@ -222,9 +222,9 @@ def find(
             if int(number) < 1 or number.startswith("0"):
                 return None
             return Entry(JOINT[name], number, JOINT[name].dimension)
-        case (owner, name) if owner in objects:
+        case (owner, *parts) if owner in objects and parts:
             kind = objects[owner]
-            found = OBJECT[kind].get(name)
+            found = OBJECT[kind].get(".".join(parts))
             return Entry(found, owner, found.dimensions[kind]) if found else None
         case (Index.LINK, name) if name in LINK:
             return Entry(LINK[name], "", LINK[name].dimension)

@@ -2,6 +2,7 @@
 
 from taskspec.spec.axis import AxisEntry
 from taskspec.spec.control import Control
+from taskspec.spec.bushing import Bushing
 from taskspec.spec.equation import Constraint, EquationObject, JointEquation
 from taskspec.spec.expectation import Expectation
 from taskspec.spec.frame import Frame
@@ -39,6 +40,7 @@ __all__ = [
     "ForceGains",
     "Frame",
     "Hinge",
+    "Bushing",
     "JointEquation",
     "KeyPath",
     "Law",

@@ -16,13 +16,16 @@ register({"TS123": "an unknown object"})
 MECHANISMS = ("hinge", "slide", "screw")
 """Kinds of objects that the robot moves by a handle."""
 
+EQUATIONS = ("equation", "rotation equation", "joint equation")
+"""Kinds of objects that are constraint equations."""
+
 XYZ = Annotated[tuple[float, float, float], Entries((LENGTH,) * 3)]
 RPY = Annotated[tuple[float, float, float], Entries((ANGLE,) * 3)]
 
 
 def _other_than_a_frame(name: str, context: ParseContext) -> str:
     """What to write instead of the name of an object that is no frame."""
-    if name in context.of_kind("equation", "joint equation"):
+    if name in context.of_kind(*EQUATIONS):
         return f"{name!r} is an equation, which has no axes; name a frame"
     return ""
 
@@ -30,6 +33,8 @@ def _other_than_a_frame(name: str, context: ParseContext) -> str:
 def _other_than_a_surface(name: str, context: ParseContext) -> str:
     """What to write instead of the name of an object that has no surface."""
     kind = context.objects.get(name)
+    if kind == "bushing":
+        return f"a bushing is no surface; a stage's frame may be {name!r}"
     if kind in MECHANISMS:
         return f"it is a {kind}; a stage's frame may be {name!r} or '{name}.handle'"
     return "an equation is no surface; write a shape" if kind is not None else ""
@@ -39,6 +44,8 @@ def _other_than_a_contact(name: str, context: ParseContext) -> str:
     """What to write instead of the name of an object that no force is pressed on."""
     if context.objects.get(name) in MECHANISMS:
         return f"what is held returns forces by itself: robot.grasp: {name}.handle"
+    if context.objects.get(name) == "bushing":
+        return "a bushing returns forces on all axes by itself: leave 'contact' out"
     return "forces along equations stand under 'constraints'" if name in context.objects else ""
 
 

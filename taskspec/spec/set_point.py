@@ -9,6 +9,7 @@ from pydantic import Field
 from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression, ScopeKind
 from taskspec.spec.axis import Ramp
+from taskspec.spec.fields import EQUATIONS
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.linear_ramp import RampedFormula
 from taskspec.spec.model import Model, complete, field_types
@@ -24,7 +25,7 @@ class SetPoint(Model):
 
     Attributes:
         force: of an equation on the tool tip [N].
-        torque: of an equation on joints [N*m].
+        torque: of an equation on joints, or on the tip's rotation alone [N*m].
         ramp: time in which it is reached [s]; None for the default.
     """
 
@@ -35,7 +36,7 @@ class SetPoint(Model):
         None, title="Force", description="Along the unit gradient, as the robot applies it"
     )
     torque: Annotated[Expression, RampedFormula(MOMENT, ScopeKind.REFERENCE)] | None = Field(
-        None, title="Moment", description="Along the unit gradient in joint space"
+        None, title="Moment", description="Along the unit gradient of angles"
     )
     ramp: Ramp | None = Field(None, title="Time in which it is reached")
 
@@ -47,6 +48,12 @@ class SetPoint(Model):
         return wanted
 
 
+#: What an equation is on, by its kind.
+_PLACES = {
+    "equation": "the tool tip",
+    "rotation equation": "the tip's rotation",
+    "joint equation": "joints",
+}
 _AXIS = "to press on it, give an axis of the stage's frame a force: axes: {z: {force: -10 N}}"
 
 
@@ -61,7 +68,7 @@ class SetPoints(FieldType):
             context.error("TS022", message, span_of(value), "such as {rim: {force: 20 N}}")
             return {}
         found = {}
-        known = context.of_kind("equation", "joint equation")
+        known = context.of_kind(*EQUATIONS)
         for name, entry in value.items():
             if name not in known:
                 span = value.node.key_span(name)
@@ -76,15 +83,16 @@ class SetPoints(FieldType):
         """Requires the one quantity that fits the equation."""
         if not isinstance(entry, Map):
             return
-        on_joints = context.objects[name] == "joint equation"
-        right, wrong = ("torque", "force") if on_joints else ("force", "torque")
+        kind = context.objects[name]
+        angular = kind != "equation"
+        right, wrong = ("torque", "force") if angular else ("force", "torque")
         if wrong in entry:
-            where = "joints" if on_joints else "the tool tip"
+            where = _PLACES[kind]
             message = f"a {wrong} on an equation of {where}"
             context.error("TS205", message, entry.node.key_span(wrong), f"write '{right}'")
         elif right not in entry and complete(entry, context):
             message = f"a set point needs a '{right}'"
-            unit = fitting(FORCE.on(rotation=on_joints))[0]
+            unit = fitting(FORCE.on(rotation=angular))[0]
             hint = f"such as {{{right}: 20 {unit}}}"
             context.error("TS021", message, pointer(entry.node), hint)
 
@@ -93,7 +101,7 @@ class SetPoints(FieldType):
         entry = {
             "type": "object",
             "title": "Set point",
-            "description": "A force of an equation on the tip, a torque of one on joints",
+            "description": "A force of an equation on the tip, a torque of one on angles alone",
             "additionalProperties": False,
             "properties": {
                 key: next(each.json() for each in field_types(field) if isinstance(each, FieldType))

@@ -44,7 +44,7 @@ class PlantArm:
         wrist: (6,) the wrench as a sensor between flange and tool measures it, with the tool's
             weight and inertia; None unless the sensor is at the wrist.
         grip: what it holds something with; None where it holds nothing.
-        equations: the constraints on it; None where there are none.
+        equations: the constraints and bushings on it; None where there are none.
         forces: writes the wrenches and forces, and what of the state has no view.
         sensor: the true one.
         tip_rotation: (9,) the tip's axes in the last step, row by row.
@@ -65,7 +65,9 @@ class PlantArm:
         self.diverged = False
         self._model, self._data = model, data
         self.equations = (
-            Equations(model, data, arm, task, views.equations) if task.equations else None
+            Equations(model, data, arm, task, views.equations, views.bushings)
+            if task.equations or task.bushings
+            else None
         )
         wiring = Wiring()
         self.grip = Grip(model, data, arm, task, wiring) if arm.held else None
@@ -83,6 +85,8 @@ class PlantArm:
         efforts: dict[str, ca.SX] = {}
         if self.equations is not None:
             on_tip[:3] += wiring.reads("equations", self.equations.on_tip)
+        if self.equations is not None and self.equations.turns:
+            on_tip[3:] += wiring.reads("moments", self.equations.about_tip)
         if self.grip is not None:
             on_tip += self.grip.wrench
             if arm.held in task.mechanisms:

@@ -180,6 +180,9 @@ def _unmeasured(task: Task) -> Iterator[str]:
     for owner, declared in task.world.items():
         if owner in equations:
             continue
+        if owner in task.bushings:
+            yield from (f"{owner}.{name}" for name in OBJECT[declared.kind] if "position" not in name)
+            continue
         shape = task.shapes.get(owner)
         known = shape is not None and not shape.free and shape.on is None
         still = ("gap",) if known else ()

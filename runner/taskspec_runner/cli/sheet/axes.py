@@ -44,7 +44,7 @@ def equation_row(program: Program, stage: CompiledStage, name: str) -> AxisRow:
     declared = program.context.loaded.task.equations[name]
     side = "" if model.constraint.relation == "=" else " (pushes only)"
     reference = "0" if wanted is None else str(wanted.wanted)
-    artificial = f"{'m' if model.joints else 'f'} = {reference} along its gradient"
+    artificial = f"{'m' if model.angular else 'f'} = {reference} along its gradient"
     return AxisRow(name, f"{declared.equation}{side}", artificial, "force control")
 
 
@@ -81,6 +81,9 @@ def _natural_force(program: Program, world: Natural, screw: bool) -> str:
         effort = f"{world.by}.{'torque' if angular else 'force'}"
         return f"{own} = {_product(effort, world.effort, lever)}{_signed(total)}"
     by = f" ({world.by})" if world.by else ""
+    if world.springs:
+        spring = f"{own} of the spring{total and _signed(total)}"
+        return f"{spring}{f' +- {rubs}' if rubs else ''} ({', '.join(world.springs)})"
     return f"{own} = {total or '0'}{f' +- {rubs}' if rubs else ''}{by}"
 
 

@@ -77,7 +77,7 @@ def stability_sheet(program: Program, name: str) -> StabilitySheet | None:
 
 def _where(sampled: SampledStage) -> str:
     parts = [
-        f"{show(force, FORCE.on(rotation=_on_joints(sampled, name)), 3)} on {name}"
+        f"{show(force, FORCE.on(rotation=_angular(sampled, name)), 3)} on {name}"
         for name, force in sampled.pressed.items()
     ]
     held = sampled.stage.plan.contacts.held
@@ -86,8 +86,8 @@ def _where(sampled: SampledStage) -> str:
     return f"{'in contact, ' if sampled.meets else ''}{', '.join(parts)}, at the start pose"
 
 
-def _on_joints(sampled: SampledStage, name: str) -> bool:
-    return name in sampled.context.equations and sampled.context.equations[name].joints
+def _angular(sampled: SampledStage, name: str) -> bool:
+    return name in sampled.context.equations and sampled.context.equations[name].angular
 
 
 def _poles(sampled: SampledStage, modes: tuple[Mode, ...]) -> Iterator[PoleRow]:
