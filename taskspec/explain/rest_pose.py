@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry import rotation as so3
-from taskspec.geometry.axis import AXES
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import BANDWIDTH, value_of
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.reference.orientation import representation_of
@@ -107,7 +107,9 @@ def _conditions(plan: StagePlan) -> tuple[Vector, NDArray[np.bool_], Vector] | N
             if value is None or value_of(plan.gains, "force.integral", axis) <= 0:
                 return None
             force[axis.row] = value
-        elif one.open_loop or not one.motion or one.mode.goes_on:
+        elif one.open_loop and (own <= 0 or _displaced(plan, axis) is None):
+            return None
+        elif not one.open_loop and (not one.motion or one.mode.goes_on):
             return None
         elif law.force_loop and (own <= 0 or BANDWIDTH.name not in plan.gains):
             stiff[axis.row] = True
@@ -118,6 +120,14 @@ def _conditions(plan: StagePlan) -> tuple[Vector, NDArray[np.bool_], Vector] | N
     return spring, stiff, force
 
 
+def _displaced(plan: StagePlan, axis: Axis) -> float | None:
+    """f (1/k_m + 1/k_e), which an open-loop force displaces its reference by [m, rad]."""
+    point, k = plan.plans[axis].axis.set_point, plan.environment.stiffness_of(axis)
+    value = None if point is None else plan.known(point.wanted)
+    own = value_of(plan.gains, "stiffness", axis)
+    return None if value is None else value * (1 / own + (1 / k if k > 0 else 0.0))
+
+
 def _aim(task: TaskPlan, plan: StagePlan) -> tuple[Vector, Vector] | None:
     """(3,), (3, 3) the reference pose of the tip as a stage's motion ends; None if unknown.
 
@@ -125,11 +135,18 @@ def _aim(task: TaskPlan, plan: StagePlan) -> tuple[Vector, Vector] | None:
     """
     p, R = plan.context.start_p, plan.context.start_R
     for stage in task.stages.values():
-        course, goes = stage.nominal.course, any(one.mode.moves for one in stage.plans.values())
+        course, plans = stage.nominal.course, stage.plans.values()
+        goes = any(one.mode.moves and not one.open_loop for one in plans if one.motion)
         if (course is None and goes) or not stage.frame.still or stage.frame.at_origin:
             return None
         moved = {} if course is None else course.moved(course.duration)
         own = np.array([moved.get(axis, 0.0) for axis in AXES])
+        sprung = [axis for axis, one in stage.plans.items() if one.open_loop]
+        if sprung and stage.name != next(iter(task.stages)):
+            # Where a later one counts its displacement from is measured.
+            return None
+        for axis in sprung:
+            own[axis.row] = _displaced(stage, axis) or 0.0
         if not np.isfinite(own).all() or (stage.spec.until is not None and own.any()):
             return None
         p = p + stage.rotation @ own[:3]

@@ -276,7 +276,7 @@ class Checker:
             self.problems.append(Problem(code, message, node.start, end, hint))
             return UNKNOWN
         if not rule.fewest <= len(node.args) <= (rule.most or len(node.args)):
-            for arg in node.args:
+            for arg in node.args if rule.rule != "two axes" else ():
                 self.type_of(arg)
             wanted = str(rule.fewest) if rule.most else f"at least {rule.fewest}"
             message = f"'{node.function}' takes {wanted} argument{'s' * (wanted != '1')}"

@@ -23,7 +23,7 @@ register(
 _ONLY_HERE = {
     ScopeKind.CONSTANT: "a fixed value may use params and pi only",
     ScopeKind.WORLD: "the world may use params, pi and clock only",
-    ScopeKind.EQUATION: "an equation may use x, y, z or q1, q2, ..., clock, params and pi",
+    ScopeKind.EQUATION: "an equation may use x, y, z, rx, ry, rz or q1, q2, ..., clock, params and pi",
     ScopeKind.PLANNED: "a planned position may use params, pi, t and clock only",
 }
 _PREFIXES = {
@@ -72,7 +72,9 @@ def _instead(path: tuple[str, ...], scope: Scope) -> str:
             return f"in an equation the tool tip's is '{path[1]}'"
         if path[0] == "joint" and path[1].isdigit():
             return f"in an equation it is 'q{path[1]}'"
-    return _ONLY_HERE[scope.kind]
+    if scope.kind is ScopeKind.EQUATION and path == ("tilt",):
+        return "in an equation it is angle(tool.z, -world.z), or of another frame"
+    return _ONLY_HERE.get(scope.kind, "")
 
 
 def _axis(word: str, scope: Scope) -> tuple[str, str, str]:
@@ -93,7 +95,7 @@ def _single(word: str, scope: Scope) -> tuple[str, str, str]:
     if word in FUNCTIONS or word in REDUCERS:
         return "TS120", f"'{word}' is a function", f"write its argument: {word}(…)"
     if word in signals.words() or word in signals.CLOCKS:
-        return "TS116", f"'{word}' is not known here", _ONLY_HERE.get(scope.kind, "")
+        return "TS116", f"'{word}' is not known here", _instead((word,), scope)
     if word in scope.stages:
         return "TS120", f"'{word}' is a stage, not a value", f"add a signal: {word}.force.z"
     if word in scope.objects:

@@ -32,7 +32,7 @@ class OpenLoop(AxisMode):
         """r = r_0 + f (1/k_m + 1/k_e): a displacement that stands for a force is no motion."""
         own = 1 / value_of(at.plan.gains, "stiffness", at.axis)
         k = at.plan.environment.stiffness_of(at.axis)
-        contact = 1 / k if k > 0 and not at.axis.is_rotation else 0.0
+        contact = 1 / k if k > 0 else 0.0
         displacement = at.forces[at.axis] * (own + contact)
         return OwnReference(at.start + displacement, ca.SX(0), ca.SX(0))
 

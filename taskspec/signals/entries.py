@@ -329,7 +329,9 @@ def _of_bushings() -> None:
         signal(
             f"{axis.effort}.{axis}",
             of={"bushing": axis.of(FORCE)},
-            meanings={"bushing": f"what the robot applies to it at the tip, {about} its {axis.letter}"},
+            meanings={
+                "bushing": f"what the robot applies to it at the tip, {about} its {axis.letter}"
+            },
             unmeasured="the robot does not measure the force of one object; use norm(force)",
         )(effort)
 

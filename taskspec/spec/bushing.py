@@ -86,9 +86,7 @@ class SixBySix(FieldType):
         if AXES[i].is_rotation == AXES[j].is_rotation:
             turns = AXES[i].is_rotation
             least = 0.0 if i == j else None
-            return float(
-                Constant(self.linear.on(rotation=turns), least=least).read(value, context)
-            )
+            return float(Constant(self.linear.on(rotation=turns), least=least).read(value, context))
         return float(EitherQuantity(self.coupling / ANGLE, self.coupling).read(value, context))
 
     def _check(self, K: list[list[float]], value: Items, context: ParseContext) -> None:
@@ -180,9 +178,7 @@ class Bushing(Model):
     advice: ClassVar = dict.fromkeys(
         ("rest", "at", "pose", "frame", "rest_pose"),
         "the pose of the tip in which it is at rest stands in 'xyz' and 'rpy', in the world",
-    ) | dict.fromkeys(
-        ("k", "K", "gain", "matrix"), "how stiff it is stands in 'stiffness'"
-    )
+    ) | dict.fromkeys(("k", "K", "gain", "matrix"), "how stiff it is stands in 'stiffness'")
 
     bushing: Annotated[Literal["tool"], Word(("tool",), "part")] = Field(title="What it holds")
     xyz: XYZ = Field(title="Position of the tip at rest", description="[x, y, z]")

@@ -235,6 +235,8 @@ def _of_no_kind(data: Map, context: ParseContext, keys: list[str]) -> Map:
             continue
         if key in kinds:
             slips[key] = f"write {kinds[key]}: {key}, and its keys beside it"
+        elif kind == "bushing" and key in _OF_KIND:
+            slips[key] = "write bushing: tool"
         elif kind in kinds and key in _OF_KIND:
             slips[key] = f"write {kinds[kind]}: {kind}"
         elif near := closest(key, KIND_KEYS):

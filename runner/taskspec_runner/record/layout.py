@@ -181,7 +181,9 @@ def _unmeasured(task: Task) -> Iterator[str]:
         if owner in equations:
             continue
         if owner in task.bushings:
-            yield from (f"{owner}.{name}" for name in OBJECT[declared.kind] if "position" not in name)
+            yield from (
+                f"{owner}.{name}" for name in OBJECT[declared.kind] if "position" not in name
+            )
             continue
         shape = task.shapes.get(owner)
         known = shape is not None and not shape.free and shape.on is None

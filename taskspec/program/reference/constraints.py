@@ -83,7 +83,7 @@ def reactions(rows: Mapping[str, EquationRow], wrench: ca.SX, sensed: ca.SX) -> 
         N = ca.vertcat(*(_on_tip(rows[name], turns) for name in tip))
         # Moments count as forces at an arm's length, so that the sum of squares has one unit.
         scale = ca.DM([1.0] * 3 + [1.0 / ARM_LENGTH] * (3 if turns else 0))
-        parts = spread(N @ ca.diag(scale) if turns else N, opposite(wrench[:N.shape[1]]) * scale)
+        parts = spread(N @ ca.diag(scale) if turns else N, opposite(wrench[: N.shape[1]]) * scale)
         found |= {name: parts[i] for i, name in enumerate(tip)}
     return found
 

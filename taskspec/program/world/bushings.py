@@ -65,8 +65,7 @@ class BushingModel:
         """What the spring is about a pose of the tip."""
         function = _spring()
         xi, J, wrench, change = (
-            np.array(part)
-            for part in function(tip_pose.pose(ca.DM(p), ca.DM(R)), self.numbers)
+            np.array(part) for part in function(tip_pose.pose(ca.DM(p), ca.DM(R)), self.numbers)
         )
         return Spring(xi.ravel(), J, wrench.ravel(), change)
 

@@ -35,6 +35,8 @@ Vector = NDArray[np.float64]
 _SQUARED_GRADIENT_FLOOR = 1e-30
 #: A gradient that turns by less than this is one of a flat surface [rad].
 _FLAT = 1e-3
+#: A gradient that turns by more than this per radian of a turn is singular: at 3 deg from there.
+_TURNED_OVER = 20.0
 #: Directions across a gradient, and turns into each of them, in which it is sampled.
 _TANGENTS, _ANGLES = 12, 9
 
@@ -228,6 +230,7 @@ class StartEquation:
         gradient: (3,) unit gradient at the tip, world axes; None of an equation that is not on the
             tip's place alone.
         bend: (3, 3) its change with the tip's place [1/m].
+        singular: the gradient of one on the tip's rotation turns over with the slightest turn.
     """
 
     distance: float
@@ -235,6 +238,7 @@ class StartEquation:
     scale: float
     gradient: NDArray[np.float64] | None
     bend: NDArray[np.float64] | None = None
+    singular: bool = False
 
     def gradients_within(self, distance: float) -> NDArray[np.float64]:
         """(3, k) unit gradients at the tip of a curved equation within a distance [m].
@@ -257,9 +261,7 @@ class StartEquation:
         return np.array(found).T
 
 
-def at_start(
-    model: EquationModel, start: Vector, p: Vector, R: Vector, J: Vector
-) -> StartEquation:
+def at_start(model: EquationModel, start: Vector, p: Vector, R: Vector, J: Vector) -> StartEquation:
     """An equation at the start pose.
 
     Args:
@@ -279,10 +281,12 @@ def at_start(
     distance, unit, scale, bend = found(at)
     normal = np.array(unit).ravel()
     on_place = not (model.joints or model.turns)
+    turnover = np.array(bend)[3:, 3:] if model.turns else np.zeros(1)
     return StartEquation(
         distance=float(distance),
         normal=normal if model.joints else normal @ J[model.on],
         scale=float(scale),
         gradient=normal if on_place else None,
         bend=np.array(bend) if on_place else None,
+        singular=float(np.abs(turnover).max()) > _TURNED_OVER * float(np.abs(normal).max()),
     )

@@ -65,9 +65,7 @@ def _bushing(model: BushingModel) -> Iterator[str]:
         own = zip(AXES, matrix.diagonal(), strict=True)
         yield " ".join(f"{a} {scaled(float(k), a.of(dimension))}" for a, k in own if k)
     K = model.stiffness
-    coupled = [
-        f"{AXES[j]} {AXES[i]} {K[j, i]:.6g}" for i in range(6) for j in range(i) if K[j, i]
-    ]
+    coupled = [f"{AXES[j]} {AXES[i]} {K[j, i]:.6g}" for i in range(6) for j in range(i) if K[j, i]]
     if coupled:
         yield f"couples {', '.join(coupled)} (SI)"
 

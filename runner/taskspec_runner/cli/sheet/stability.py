@@ -82,6 +82,7 @@ def _where(sampled: SampledStage) -> str:
     ]
     held = sampled.stage.plan.contacts.held
     parts += [f"{held} held"] if held else []
+    parts += [f"on {name}" for name in sampled.context.bushings]
     parts = parts or ["nothing touched"]
     return f"{'in contact, ' if sampled.meets else ''}{', '.join(parts)}, at the start pose"
 
