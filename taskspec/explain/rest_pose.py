@@ -8,8 +8,8 @@ K_e of any rank. On every axis of the stage's frame the law has one of three con
     -f_a,i = f_d,i           a force loop with an integral,
 
 six equations for six coordinates of the tip. In small displacements x_E is (4.26),
-(K_m + K_e)^-1 (K_m x_d + K_e x_e); a rotation vector bends what a spring couples, so it is solved by
-Newton's method from x_d on.
+(K_m + K_e)^-1 (K_m x_d + K_e x_e); a rotation vector bends what a spring couples, so it is solved
+by Newton's method from x_d on.
 """
 
 from __future__ import annotations
@@ -107,9 +107,11 @@ def _conditions(plan: StagePlan) -> tuple[Vector, NDArray[np.bool_], Vector] | N
             if value is None or value_of(plan.gains, "force.integral", axis) <= 0:
                 return None
             force[axis.row] = value
-        elif one.open_loop and (own <= 0 or _displaced(plan, axis) is None):
-            return None
-        elif not one.open_loop and (not one.motion or one.mode.goes_on):
+        elif one.open_loop:
+            if own <= 0 or _displaced(plan, axis) is None:
+                return None
+            spring[axis.row] = own
+        elif not one.motion or one.mode.goes_on:
             return None
         elif law.force_loop and (own <= 0 or BANDWIDTH.name not in plan.gains):
             stiff[axis.row] = True

@@ -23,7 +23,8 @@ register(
 _ONLY_HERE = {
     ScopeKind.CONSTANT: "a fixed value may use params and pi only",
     ScopeKind.WORLD: "the world may use params, pi and clock only",
-    ScopeKind.EQUATION: "an equation may use x, y, z, rx, ry, rz or q1, q2, ..., clock, params and pi",
+    ScopeKind.EQUATION: "an equation may use x, y, z, rx, ry, rz or q1, q2, ..., clock, params "
+    "and pi",
     ScopeKind.PLANNED: "a planned position may use params, pi, t and clock only",
 }
 _PREFIXES = {

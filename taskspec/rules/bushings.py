@@ -48,8 +48,8 @@ def bushings_at_the_start(task: TaskPlan) -> Iterator[Finding]:
             declared = context.loaded.task.bushings[name]
             yield error(
                 "TS337",
-                f"the tool starts {show(turn, 'deg', 3)} from how {name!r} holds it at rest: at half "
-                "a turn its moment could be about any axis",
+                f"the tool starts {show(turn, 'deg', 3)} from how {name!r} holds it at rest: at "
+                "half a turn its moment could be about any axis",
                 place.rpy if "rpy" in declared.model_fields_set else place.bushing,
                 "'rpy' is the orientation of the tip, which points down at [180 deg, 0, 0]",
             )
@@ -57,8 +57,8 @@ def bushings_at_the_start(task: TaskPlan) -> Iterator[Finding]:
         if phase > RESOLVED_PHASE:
             yield warning(
                 "TS307",
-                f"{name!r} is stiffer than the plant's steps resolve: {phase**2:.3g} times as stiff "
-                "as they can on this arm at this rate",
+                f"{name!r} is stiffer than the plant's steps resolve: {phase**2:.3g} times as "
+                "stiff as they can on this arm at this rate",
                 place.stiffness,
                 "raise control.plant_rate, or make it softer",
             )
@@ -77,7 +77,8 @@ def singular_rotations(task: TaskPlan) -> Iterator[Finding]:
                 f"the tool starts {show(turn, 'deg', 3)} from the axes in which rx, ry and rz of "
                 f"{name!r} count: half a turn could be about any axis",
                 FILE.world[name].equation,
-                "name a 'frame' with axes such as the tool's: it points down at rpy: [180 deg, 0, 0]",
+                "name a 'frame' with axes such as the tool's: it points down at rpy: "
+                "[180 deg, 0, 0]",
             )
         elif context.start_equations[name].singular and not _slack(task, name):
             yield error(
@@ -85,7 +86,8 @@ def singular_rotations(task: TaskPlan) -> Iterator[Finding]:
                 f"the axes of {name!r} are parallel where the tool starts: they could turn apart "
                 "about any axis",
                 FILE.world[name].equation,
-                "state parallel axes by two rotations that are zero, rx = 0 and ry = 0 in a 'frame'",
+                "state parallel axes by two rotations that are zero, rx = 0 and ry = 0 in a "
+                "'frame'",
             )
 
 

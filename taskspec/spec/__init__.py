@@ -1,8 +1,8 @@
 """What a task file may say: one model per noun, and the steps from text to a checked task."""
 
 from taskspec.spec.axis import AxisEntry
-from taskspec.spec.control import Control
 from taskspec.spec.bushing import Bushing
+from taskspec.spec.control import Control
 from taskspec.spec.equation import Constraint, EquationObject, JointEquation
 from taskspec.spec.expectation import Expectation
 from taskspec.spec.frame import Frame
@@ -33,6 +33,7 @@ __all__ = [
     "JOINT_LAW",
     "AxisEntry",
     "AxisValues",
+    "Bushing",
     "Constraint",
     "Control",
     "EquationObject",
@@ -40,7 +41,6 @@ __all__ = [
     "ForceGains",
     "Frame",
     "Hinge",
-    "Bushing",
     "JointEquation",
     "KeyPath",
     "Law",

@@ -104,9 +104,10 @@ class SixBySix(FieldType):
         for i in range(6):
             for j in range(i):
                 if (most := math.sqrt(K[i][i] * K[j][j])) * (1 + _ALIKE) < abs(K[i][j]):
+                    one, other = AXES[i], AXES[j]
                     message = (
-                        f"row {AXES[i]}, column {AXES[j]} is {K[i][j]:g}, and what couples {AXES[i]}"
-                        f" with {AXES[j]} is at most the root of the product of both on the "
+                        f"row {one}, column {other} is {K[i][j]:g}, and what couples {one} with "
+                        f"{other} is at most the root of the product of both on the "
                         f"diagonal, {most:g}: along some way it would push away"
                     )
                     context.error("TS335", message, span_of(value[i]))

@@ -9,8 +9,8 @@ from pydantic import Field
 from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression, ScopeKind
 from taskspec.spec.axis import Ramp
-from taskspec.spec.fields import EQUATIONS
 from taskspec.spec.field_type import FieldType
+from taskspec.spec.fields import EQUATIONS
 from taskspec.spec.linear_ramp import RampedFormula
 from taskspec.spec.model import Model, complete, field_types
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of

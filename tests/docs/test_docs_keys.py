@@ -11,8 +11,8 @@ from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.spec import Law, Robot, Task
 from taskspec.spec.axis import Rotation, Translation
-from taskspec.spec.control import Control
 from taskspec.spec.bushing import Bushing, SixBySix
+from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject, JointEquation, RotationEquation
 from taskspec.spec.fault import Fault
 from taskspec.spec.frame import Frame

@@ -129,7 +129,7 @@ OBJECTS = {
     "equation": "ball: {equation: x = 520 mm}",
     "joint equation": "ball: {equation: q1 = 0}",
     "rotation equation": "ball: {equation: 'angle(tool.z, world.x) >= 10 deg'}",
-    "bushing": "ball: {bushing: tool, xyz: [520 mm, 0, 300 mm], stiffness: [1 kN/m, 0, 0, 0, 0, 0]}",
+    "bushing": "ball: {bushing: tool, xyz: [520 mm, 0, 0], stiffness: [1 N/m, 0, 0, 0, 0, 0]}",
     "hinge": "ball: {mechanism: hinge, xyz: [400 mm, 0, 300 mm], handle: [100 mm, 0, 0]}",
     "slide": "ball: {mechanism: slide, xyz: [500 mm, 0, 300 mm]}",
     "screw": "ball: {mechanism: screw, xyz: [500 mm, 0, 300 mm], pitch: 2 mm/turn}",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-import pose_spring
 import pytest
 
+import pose_spring
 from plants import Pushed
 from taskspec.program.world import tip_pose
 from taskspec.program.world.bushings import bushing_models, wrench_on_tip
@@ -30,6 +30,7 @@ K = np.array(
     ],
     dtype=float,
 )
+STILL = np.zeros(6)
 P_B = np.array([0.505, 0.003, 0.395])
 REST = "xyz: [505 mm, 3 mm, 395 mm], rpy: [178 deg, 4 deg, 5 deg]"
 DAMPED = "damping: [30 N*s/m, 20 N*s/m, 10 N*s/m, 1 N*m*s/rad, 2 N*m*s/rad, 3 N*m*s/rad]"
@@ -62,7 +63,7 @@ def on_tip(of):
     wrench, local = wrench_on_tip(x, twist, ca.SX(of.numbers))
     function = ca.Function("wrench", [x, twist], [wrench, local])
 
-    def at(p, R, rate=np.zeros(6)):
+    def at(p, R, rate=STILL):
         found = function(tip_pose.pose(ca.DM(p), ca.DM(R)), rate)
         return tuple(np.array(part).ravel() for part in found)
 

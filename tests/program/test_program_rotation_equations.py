@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-import pose_spring
 import pytest
 
+import pose_spring
 from taskspec.program.world import tip_pose
 from taskspec.program.world.equations import equation_models
 from taskspec.spec import load_text
@@ -18,17 +18,19 @@ frames: {{jig: {{xyz: [450 mm, 20 mm, 300 mm], rpy: [170 deg, 10 deg, 30 deg]}}}
 world: {{guide: {{equation: "{text}"{more}}}}}
 stages: {{wait: {{time: 1 s}}}}
 """
+STILL = np.zeros(6)
 P_J = np.array([0.45, 0.02, 0.3])
+#: Each with its residual, of the place x and the rotation vector w in the jig, and the axes R.
 TURNS = {
-    "rx = 0 deg": lambda x, w, R: w[0],
-    "rz + 2 rad/m * x = 1 rad": lambda x, w, R: w[2] + 2 * x[0] - 1,
-    "z = 30 mm * sin(ry) + 20 mm/rad * rx": lambda x, w, R: (
-        x[2] - 0.03 * np.sin(w[1]) - 0.02 * w[0]
+    "rx = 0 deg": lambda **at: at["w"][0],
+    "rz + 2 rad/m * x = 1 rad": lambda **at: at["w"][2] + 2 * at["x"][0] - 1,
+    "z = 30 mm * sin(ry) + 20 mm/rad * rx": lambda **at: (
+        at["x"][2] - 0.03 * np.sin(at["w"][1]) - 0.02 * at["w"][0]
     ),
-    "norm(rx, ry, rz) <= 40 deg": lambda x, w, R: np.linalg.norm(w) - np.deg2rad(40),
-    "angle(tool.z, -world.z) = 10 deg": lambda x, w, R: np.arccos(-R[2, 2]) - np.deg2rad(10),
-    "angle(tool.x, jig.y) >= 80 deg": lambda x, w, R: (
-        np.arccos(R[:, 0] @ jig_axes()[:, 1]) - np.deg2rad(80)
+    "norm(rx, ry, rz) <= 40 deg": lambda **at: np.linalg.norm(at["w"]) - np.deg2rad(40),
+    "angle(tool.z, -world.z) = 10 deg": lambda **at: np.arccos(-at["R"][2, 2]) - np.deg2rad(10),
+    "angle(tool.x, jig.y) >= 80 deg": lambda **at: (
+        np.arccos(at["R"][:, 0] @ jig_axes()[:, 1]) - np.deg2rad(80)
     ),
 }
 
@@ -49,7 +51,7 @@ def terms(of):
     outputs = [found.distance, found.normal, found.drift, found.scale]
     function = ca.Function("terms", [x, twist], outputs)
 
-    def at(p, R, rate=np.zeros(6)):
+    def at(p, R, rate=STILL):
         return [np.array(v).ravel() for v in function(tip_pose.pose(ca.DM(p), ca.DM(R)), rate)]
 
     return at
@@ -68,7 +70,7 @@ def test_the_gradient_is_that_along_twists(text):
     F = jig_axes()
 
     def value(p, R):
-        return residual(F.T @ (p - P_J), pose_spring.vector(F.T @ R), R)
+        return residual(x=F.T @ (p - P_J), w=pose_spring.vector(F.T @ R), R=R)
 
     for p, R, rng in poses():
         distance, normal, _, (scale,) = at(p, R)

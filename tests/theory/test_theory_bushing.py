@@ -8,9 +8,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-import pose_spring
 import pytest
 
+import pose_spring
 from taskspec.compiler import compile_unchecked
 from taskspec.explain import rest_values
 from taskspec.geometry.axis import AXES
@@ -45,6 +45,9 @@ LAWS = {
     "stiffness": f"{{kind: stiffness, {SPRING}}}",
 }
 BALANCED = "balanced: true, joint_damping: 6 N*m*s/rad,"
+PARALLEL = (
+    f"{{kind: parallel, {SPRING}, force: {{proportional: 0.2, integral: {{z: 3 /s, rx: 8 /s}}}}}}"
+)
 FORCES = {"z": 12.0, "rx": 0.4}
 EXACT = "the spring is exact at rest; the slowest mode leaves less than 1e-7 of what is pressed"
 
@@ -129,8 +132,7 @@ def test_it_comes_to_rest_in_the_pose_of_4_26(simulate, prediction):
 def test_parallel_control_sets_two_forces_and_four_coordinates(simulate, prediction):
     """(4.41) on z and rx, x_E = x_d on the other axes, whose forces the coupled spring decides."""
     p, _, applied = at_rest(tuple(FORCES.items()), springs=False)
-    law = f"{{kind: parallel, {SPRING}, force: {{proportional: 0.2, integral: {{z: 3 /s, rx: 8 /s}}}}}}"
-    run = simulate(task(law, "z: {force: 12 N}, rx: {torque: 0.4 N*m}"))
+    run = simulate(task(PARALLEL, "z: {force: 12 N}, rx: {torque: 0.4 N*m}"))
     case = "parallel, panda, 12 N along z and 0.4 N·m about rx of a bushing with a full K_e"
     for i, axis in enumerate(AXES):
         prediction(
@@ -145,7 +147,7 @@ def test_explain_states_the_same_numbers(law):
     force = law == "parallel"
     text = LAWS.get(
         law,
-        f"{{kind: parallel, {SPRING}, force: {{proportional: 0.2, integral: {{z: 3 /s, rx: 8 /s}}}}}}",
+        PARALLEL,
     )
     loaded = load_text(task(text, "z: {force: 12 N}, rx: {torque: 0.4 N*m}" if force else ""), "t")
     program = compile_unchecked(loaded)

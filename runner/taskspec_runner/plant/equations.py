@@ -30,8 +30,8 @@ class Equations:
     """All equations and bushings of a task, as forces on an arm.
 
     Attributes:
-        on_tip, about_tip: (3,) force and moment that the Cartesian ones exert at the tool tip, world
-            axes [N, N m].
+        on_tip, about_tip: (3,) force and moment that the Cartesian ones exert at the tool tip,
+            world axes [N, N m].
         on_joints: (k,) what those on joints exert [N m, N]; `joints` is where that acts.
         applied: (equations,) what the robot applies along each unit gradient [N, N m].
         bushed: (6 bushings,) what it applies to each bushing, in that one's axes [N, N m].
@@ -96,8 +96,8 @@ def reaction_function(task: Task, joints: int, free: Sequence[int]) -> ca.Functi
         free: those of them that move by themselves, which are the ones that equations are about.
 
     Returns:
-        Tip position (3,), its axes (9,) row by row, its twist (6,) angular part first, q, q' (k,) of
-        all joints, clock, stiffness and damping (equations,), numbers of the bushings (84 b,) ->
+        Tip position (3,), its axes (9,) row by row, its twist (6,) angular part first, q, q' (k,)
+        of all joints, clock, stiffness and damping (equations,), numbers of the bushings (84 b,) ->
         force on the tip and moment about it (3,) [N, N m] in the world, the torques on the joints
         (k,), the (equations,) that the robot applies along each unit gradient [N, N m], and the
         (6 b,) that it applies to each bushing in that one's axes [N, N m].

@@ -102,17 +102,15 @@ class EquationModel:
         else:
             local = ca.DM(self.rotation.T) @ (place[:3] - ca.DM(self.origin))
             known |= {axis: local[i] for i, axis in enumerate(TRANSLATIONS)}
-        tool = tip_pose.axes(place) if self.turns else None
-        if tool is not None:
-            turned = so3.log(ca.DM(self.rotation.T) @ tool)
+        axes = {name: ca.SX(ca.DM(R)) for name, R in self.axes.items()}
+        if self.turns:
+            axes["tool"] = tip_pose.axes(place)
+            turned = so3.log(ca.DM(self.rotation.T) @ axes["tool"])
             known |= {axis: turned[i] for i, axis in enumerate(ROTATIONS)}
 
         def lookup(name: Name) -> ca.SX:
             head, *axis = name.path
-            if not axis:
-                return known[head]
-            frame = tool if head == "tool" else ca.SX(ca.DM(self.axes[head]))
-            return frame[:, TRANSLATIONS.index(axis[0])]
+            return axes[head][:, "xyz".index(axis[0])] if axis else known[head]
 
         return algebra.translate(self.constraint.residual, lookup)
 
