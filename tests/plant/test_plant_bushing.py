@@ -166,3 +166,24 @@ def test_an_undamped_arm_on_it_keeps_its_energy():
     assert kinetic.max() > 0.5 * total.max()
     np.testing.assert_allclose(total, total.mean(), rtol=0.1)
     assert abs(total[-100:].mean() / total[:100].mean() - 1) < 0.02
+
+
+def test_the_true_spring_may_be_another(simulate):
+    """2 kN/m of the law against 2 kN/m in truth, 6 mm apart: 6 N, where the file has 9.6 N."""
+    softer = "[3 kN/m, 3 kN/m, 2 kN/m, 30 N*m/rad, 30 N*m/rad, 15 N*m/rad]"
+    run = simulate(
+        f"""
+taskspec: 1
+name: softer
+robot: {{model: panda, start: {{xyz: [500 mm, 0, 350 mm]}}}}
+world:
+  mount: {{bushing: tool, xyz: [500 mm, 0, 344 mm], stiffness: [3 kN/m, 3 kN/m, 8 kN/m, 30 N*m/rad, 30 N*m/rad, 15 N*m/rad]}}
+law: {{kind: pd, stiffness: {{linear: 2 kN/m, angular: 40 N*m/rad}}}}
+stages: {{hold: {{time: 4 s}}}}
+truth: {{world.mount.stiffness: {softer}}}
+"""
+    )
+    assert run["force.z"][-1] == pytest.approx(6.0, abs=1e-4)
+    # In the axes of the rest pose, whose z is down; its place is where the tip truly is.
+    assert run["mount.force.z"][-1] == pytest.approx(-6.0, abs=1e-4)
+    assert run["mount.position.z"][-1] == pytest.approx(-3e-3, abs=1e-7)
