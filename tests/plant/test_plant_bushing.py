@@ -177,7 +177,8 @@ taskspec: 1
 name: softer
 robot: {{model: panda, start: {{xyz: [500 mm, 0, 350 mm]}}}}
 world:
-  mount: {{bushing: tool, xyz: [500 mm, 0, 344 mm], stiffness: [3 kN/m, 3 kN/m, 8 kN/m, 30 N*m/rad, 30 N*m/rad, 15 N*m/rad]}}
+  mount: {{bushing: tool, xyz: [500 mm, 0, 344 mm],
+          stiffness: [3 kN/m, 3 kN/m, 8 kN/m, 30 N*m/rad, 30 N*m/rad, 15 N*m/rad]}}
 law: {{kind: pd, stiffness: {{linear: 2 kN/m, angular: 40 N*m/rad}}}}
 stages: {{hold: {{time: 4 s}}}}
 truth: {{world.mount.stiffness: {softer}}}
