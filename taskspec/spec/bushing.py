@@ -110,7 +110,8 @@ class SixBySix(FieldType):
                         f"{other} is at most the root of the product of both on the "
                         f"diagonal, {most:g}: along some way it would push away"
                     )
-                    context.error("TS335", message, span_of(value[i]))
+                    hint = "make it smaller, or both axes stiffer"
+                    context.error("TS335", message, span_of(value[i]), hint)
                     return
         if not _semidefinite(K):
             message = "along some way that joins several axes this pushes away: it is not positive"
