@@ -1214,6 +1214,71 @@ def corner(d: LanguageDraft) -> None:
         expect(d, f"mean(seat.wall.force) < {3 * push:g} N")
 
 
+def mount(d: LanguageDraft) -> None:
+    """Holds or presses a rubber mount, or goes along a guide that turns the tool."""
+    kind = d.pick("hold", "press", "press", "thread", "cone")
+    x, y, z = d.grid(430, 520, 10), d.grid(-60, 60, 20), d.grid(320, 400, 10)
+    down: Section = {"xyz": mm(x, y, z), "rpy": deg(180, 0, 0)}
+    if kind in ("hold", "press"):
+        d.use_law(*(FORCE_LOOPS if kind == "press" else LAWS[:9]))
+        arm(d, "ball", "", models=("panda", "ur5e"))
+        k, turn = d.nice(1, 8), d.nice(10, 60)
+        made: Section = {"bushing": "tool", "xyz": mm(x, y, z)}
+        entries: list[Value] = [f"{k:g} kN/m"] * 3 + [f"{turn:g} N*m/rad"] * 3
+        if d.chance(0.5):
+            coupled = f"{0.4 * math.sqrt(1e3 * k * turn):.3g}"
+            made["stiffness"] = [[entries[i] if i == j else 0 for j in range(6)] for i in range(6)]
+            made["stiffness"][0][4] = f"{coupled} N/rad"
+            made["stiffness"][4][0] = f"{coupled} N"
+        else:
+            made["stiffness"] = entries
+        if d.chance(0.7):
+            made["damping"] = [*["40 N*s/m"] * 3, *["1 N*m*s/rad"] * 3]
+        d["world"]["mount"] = made
+        d["robot"]["start"] = {"xyz": mm(x + (d.grid(-4, 4, 1) if kind == "hold" else 0), y, z)}
+        d["frame"] = "mount"
+        if kind == "hold":
+            d.stages["hold"] = {"time": "2 s"}
+            expect(d, "max(norm(hold.mount.force.x, hold.mount.force.z)) < 60 N")
+            return
+        push = newton(d.sign() * d.grid(3, 12, 1))
+        d.stages["push"] = {"axes": {"z": {"force": push}}, "time": "3 s"}
+        expect(d, f"last(push.mount.force.z) within {push} +- 10 %")
+        return
+    d.use_law(*MULTIPLIERS)
+    arm(d, "ball", "", models=("panda", "ur5e"))
+    d["frames"]["guide"] = down
+    d["frame"] = "guide"
+    lean = d.grid(8, 20, 2) if kind == "cone" else 0
+    d["robot"]["start"] = {"xyz": mm(x, y, z), "rpy": deg(180 - lean, 0, 0)}
+    if kind == "thread":
+        lead = d.pick(2, 3, 5)
+        d["world"]["guide_way"] = {
+            "equation": f"rz + {lead} rad/m * z = 0 rad",
+            "frame": "guide",
+            "stiffness": "10 kN/m",
+            "damping": "30 N*s/m",
+        }
+        push = newton(d.grid(2, 6, 1))
+        d.stages["along"] = {
+            "constraints": {"guide_way": {"force": push}},
+            "axes": {"z": {"move": mm(d.grid(10, 40, 10)), "speed": "20 mm/s"}},
+        }
+        expect(d, f"mean(along.guide_way.force) within {push} +- 20 %")
+        return
+    d["world"]["lean"] = {
+        "equation": f"angle(tool.z, -world.z) = {lean:g} deg",
+        "stiffness": "500 N*m/rad",
+        "damping": "1 N*m*s/rad",
+    }
+    load = f"{d.pick(0.3, 0.5, 1)} N*m"
+    d.stages["round"] = {
+        "constraints": {"lean": {"torque": load}},
+        "axes": {"rz": {"move": deg(d.sign() * d.grid(10, 30, 10)), "speed": "20 deg/s"}},
+    }
+    expect(d, f"mean(round.lean.torque) within {load} +- 20 %")
+
+
 #: Scenes, and how often each is written.
 SCENES: dict[str, tuple[Callable[[LanguageDraft], None], float]] = {
     "press": (press, 7),
@@ -1229,4 +1294,5 @@ SCENES: dict[str, tuple[Callable[[LanguageDraft], None], float]] = {
     "loose": (loose, 1),
     "moving": (moving, 1),
     "corner": (corner, 1),
+    "mount": (mount, 1),
 }

@@ -13,6 +13,7 @@ axes these are is free where directions lie between them; those with a force are
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,8 @@ class Natural:
         friction: coefficient with which it rubs along this axis.
         against: the axis whose force presses there; empty without friction.
         effort: factor of the mechanism's own force or moment in the sum.
+        springs: bushings that return what the displacement takes, on an axis whose force they
+            decide.
         turns: the direction is that where the stage, or the run, begins, and changes on the way.
     """
 
@@ -58,6 +61,7 @@ class Natural:
     friction: float = 0.0
     against: str = ""
     effort: float = 0.0
+    springs: tuple[str, ...] = ()
     turns: bool = False
 
 
@@ -77,7 +81,11 @@ def natural(plan: StagePlan) -> tuple[Natural, ...]:
         if axis not in found:
             factors = {one.axis: float(R[i, j]) for i, one in enumerate(decided)}
             found[axis] = _free(plan, axis, factors, decided, rows, effort.get(axis, 0.0))
-    return tuple(found[axis] for axis in axes)
+    return tuple(
+        replace(one, springs=plan.environment.springs(axis)) if one.decides == "force" else one
+        for axis in axes
+        for one in (found[axis],)
+    )
 
 
 def _decided(

@@ -9,6 +9,7 @@ import numpy as np
 
 from taskspec.deferred_methods import dataclass
 from taskspec.explain.bearing import Bearing, bearing
+from taskspec.explain.rest_pose import rest_pose
 from taskspec.explain.returned_forces import returned_at_start
 from taskspec.explain.springs import spring_contact
 from taskspec.geometry.axis import Axis
@@ -54,6 +55,8 @@ def rest_values(program: Program, stage: CompiledStage) -> dict[str, RestValue]:
     the motion.
     """
     plan, returned = stage.plan, returned_at_start(program, stage)
+    if plan.context.bushings:
+        return _on_bushings(program, plan)
     found = _moments(plan)
     on = bearing(plan)
     if not any(_comes_and_goes(plan, name) for name in on.names):
@@ -67,6 +70,21 @@ def rest_values(program: Program, stage: CompiledStage) -> dict[str, RestValue]:
             )
             found[applied(axis)] = RestValue(value, source)
     return found | _equations(plan, returned) | _mechanism(plan)
+
+
+def _on_bushings(program: Program, plan: StagePlan) -> dict[str, RestValue]:
+    """All axes of a stage that rests on springs in six dimensions."""
+    at = rest_pose(program.plan, plan)
+    if at is None:
+        return {}
+    own = plan.law.control_law
+    return {
+        applied(axis): RestValue(
+            float(at.applied[axis.row]),
+            _source(plan, axis, reached=True) if plan.plans[axis].force else own.rest,
+        )
+        for axis in plan.axes
+    }
 
 
 def _set_points(plan: StagePlan) -> dict[Axis, float | None]:
@@ -194,8 +212,8 @@ def _equations(plan: StagePlan, returned: ReturnedForces | None) -> dict[str, Re
         if returned is not None and returned.left.get(name):
             value = returned.forces[name] - returned.left[name]
         if value is not None:
-            joints = plan.context.equations[name].joints
-            found[f"{name}.{'torque' if joints else 'force'}"] = RestValue(value, "set point")
+            angular = plan.context.equations[name].angular
+            found[f"{name}.{'torque' if angular else 'force'}"] = RestValue(value, "set point")
     return found
 
 

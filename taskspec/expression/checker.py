@@ -8,7 +8,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.expression import tree
 from taskspec.expression.functions import FUNCTIONS, REDUCERS, Function
 from taskspec.expression.problem import Problem
-from taskspec.expression.scope import Meaning, Scope, ScopeKind, resolve
+from taskspec.expression.scope import Meaning, Scope, ScopeKind, is_axis, resolve
 from taskspec.expression.spelling import FUNCTION_WORDS
 from taskspec.expression.types import (
     CONDITION,
@@ -23,6 +23,7 @@ from taskspec.expression.types import (
     is_bare,
 )
 from taskspec.expression.unknown import explain_name
+from taskspec.geometry.axis import TRANSLATIONS
 from taskspec.signals import VECTORS, Signal
 from taskspec.signals.table import REFERENCE
 from taskspec.text.codes import register
@@ -278,7 +279,7 @@ class Checker:
             self.problems.append(Problem(code, message, node.start, end, hint))
             return UNKNOWN
         if not rule.fewest <= len(node.args) <= (rule.most or len(node.args)):
-            for arg in node.args:
+            for arg in node.args if rule.rule != "two axes" else ():
                 self.type_of(arg)
             wanted = str(rule.fewest) if rule.most else f"at least {rule.fewest}"
             message = f"'{node.function}' takes {wanted} argument{'s' * (wanted != '1')}"
@@ -294,6 +295,8 @@ class Checker:
         if rule.rule in ("same", "two to angle"):
             kind = self.same(args)
             return kind if rule.rule == "same" else Type("number", ANGLE)
+        if rule.rule == "two axes":
+            return self._between(node)
         kind = self.number(args[0], self.type_of(args[0]))
         if rule.rule == "root":
             return Type("number", kind.dimension**0.5) if kind.dimension else kind
@@ -305,6 +308,25 @@ class Checker:
         elif rule.rule != "to number":
             self.want(args[0], kind, NUMBER)
         return Type("number", ANGLE) if rule.rule == "number to angle" else PLAIN
+
+    def _between(self, node: tree.Call) -> Type:
+        """The angle between two axes of frames, each with a sign."""
+        if self.scope.kind is not ScopeKind.EQUATION:
+            message = f"'{node.function}' has a meaning in equations only"
+            return self.report("TS119", message, node, "the tool's lean is the signal 'tilt'")
+        for arg in node.args:
+            axis = arg.x if isinstance(arg, tree.Negate) else arg
+            if isinstance(axis, tree.Name) and is_axis(axis.path, self.scope):
+                continue
+            if isinstance(axis, tree.Name) and len(axis.path) == 2 and axis.path[1] in TRANSLATIONS:
+                hint = suggestion(axis.path[0], self.scope.frames, "frames")
+                end = axis.start + len(axis.path[0])
+                message = f"unknown frame '{axis.path[0]}'"
+                self.problems.append(Problem("TS122", message, axis.start, end, hint))
+            else:
+                hint = "such as angle(tool.z, world.z)"
+                self.report("TS114", "an axis of a frame is needed here", arg, hint)
+        return Type("number", ANGLE)
 
     def _reduce(self, node: tree.Reduce) -> Type:
         if self.scope.kind not in (ScopeKind.GUARD, ScopeKind.EXPECT):

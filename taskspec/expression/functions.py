@@ -7,7 +7,7 @@ from typing import Literal
 from taskspec.deferred_methods import dataclass
 
 Rule = Literal["angle to number", "number to angle", "two to angle", "root", "number", "same",
-               "to number"]  # fmt: skip
+               "to number", "two axes"]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,8 @@ class Function:
     Attributes:
         fewest: the smallest number of arguments.
         most: the largest, None if there is none.
-        rule: `same` requires one dimension of all arguments and returns it.
+        rule: `same` requires one dimension of all arguments and returns it, `two axes` takes axes
+            of frames, such as `tool.z`, instead of numbers.
     """
 
     fewest: int
@@ -43,6 +44,7 @@ FUNCTIONS: dict[str, Function] = {
     "max": Function(2, None, "same"),
     "clamp": Function(3, 3, "same"),
     "norm": Function(1, None, "same"),
+    "angle": Function(2, 2, "two axes"),
 }
 """`smooth(x)` rises from 0 at x <= 0 to 1 at x >= 1 as 6x^5 - 15x^4 + 10x^3; `clamp(x, a, b)`
 keeps x between a and b; `norm` is the root of the sum of squares."""

@@ -18,7 +18,7 @@ from taskspec.text.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 Kind = Literal["param", "constant", "clock", "signal", "condition", "vector", "joint", "object",
                "visits", "coordinate", "link", "gain"]  # fmt: skip
 
-COORDINATES: dict[str, Dimension] = dict.fromkeys(TRANSLATIONS, LENGTH)
+COORDINATES: dict[str, Dimension] = {axis: ANGLE if axis.is_rotation else LENGTH for axis in AXES}
 """Coordinates of the tool tip, for equations; joints are q1, q2 and so on."""
 
 AXIS_COORDINATES: dict[str, Dimension] = {a: LENGTH.on(rotation=a.is_rotation) for a in AXES}
@@ -35,7 +35,7 @@ class ScopeKind(StrEnum):
     WORLD = "world"
     """The world's own motion: also `clock`."""
     EQUATION = "equation"
-    """A constraint: `clock`, and the tip's x, y, z or the joints q1, q2 and so on."""
+    """A constraint: `clock`, and the tip's x, y, z, rx, ry, rz or the joints q1, q2 and so on."""
     COUPLING = "coupling"
     """What an axis follows: the coordinates of the other axes, x, y, z, rx, ry, rz."""
     PLANNED = "planned"
@@ -135,6 +135,11 @@ def resolve(path: tuple[str, ...], scope: Scope) -> Meaning | None:
         if head in scope.clocks:
             return Meaning("clock", head, CLOCKS[head].dimension, signal=CLOCKS[head])
     return _resolve_signal(path, scope) if scope.measures else None
+
+
+def is_axis(path: tuple[str, ...], scope: Scope) -> bool:
+    """Whether a dotted name is an axis of a frame, such as `tool.z`."""
+    return len(path) == 2 and path[0] in scope.frames and path[1] in TRANSLATIONS
 
 
 def coordinate(name: str) -> Dimension | None:

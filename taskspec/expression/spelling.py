@@ -102,6 +102,7 @@ VALUE_WORDS = {
 """What other systems call a shape or a mechanism, and its name here."""
 
 PARTS = {
+    "bushing": "a bushing is no shape: write bushing: tool",
     "bowl": "its inside is a sphere with side: inner, which opens towards its z",
     "dish": "its inside is a sphere with side: inner, which opens towards its z",
     "tube": "its inside is a cylinder with side: inner, its outside a cylinder",

@@ -29,7 +29,8 @@ register(
 _ONLY_HERE = {
     ScopeKind.CONSTANT: "a fixed value may use params and pi only",
     ScopeKind.WORLD: "the world may use params, pi and clock only",
-    ScopeKind.EQUATION: "an equation may use x, y, z or q1, q2, ..., clock, params and pi",
+    ScopeKind.EQUATION: "an equation may use x, y, z, rx, ry, rz or q1, q2, ..., clock, params "
+    "and pi",
     ScopeKind.COUPLING: "a coupling may use the axes x, y, z, rx, ry, rz, params and pi only",
     ScopeKind.PLANNED: "a planned position may use params, pi, t and clock only",
 }
@@ -79,9 +80,11 @@ def _instead(path: tuple[str, ...], scope: Scope) -> str:
             return f"in an equation the tool tip's is '{path[1]}'"
         if path[0] == "joint" and path[1].isdigit():
             return f"in an equation it is 'q{path[1]}'"
+    if scope.kind is ScopeKind.EQUATION and path == ("tilt",):
+        return "in an equation it is angle(tool.z, -world.z), or of another frame"
     if scope.kind is ScopeKind.COUPLING and path[0] == "position" and path[-1] in scope.coordinates:
         return f"in a coupling the coordinate is '{path[-1]}'"
-    return _ONLY_HERE[scope.kind]
+    return _ONLY_HERE.get(scope.kind, "")
 
 
 def _axis(word: str, scope: Scope) -> tuple[str, str, str]:
@@ -102,7 +105,7 @@ def _single(word: str, scope: Scope) -> tuple[str, str, str]:
     if word in FUNCTIONS or word in REDUCERS:
         return "TS120", f"'{word}' is a function", f"write its argument: {word}(…)"
     if word in signals.words() or word in signals.CLOCKS:
-        return "TS116", f"'{word}' is not known here", _ONLY_HERE.get(scope.kind, "")
+        return "TS116", f"'{word}' is not known here", _instead((word,), scope)
     if word in scope.stages:
         return "TS120", f"'{word}' is a stage, not a value", f"add a signal: {word}.force.z"
     if word in scope.objects:
@@ -144,7 +147,7 @@ def _signal(
     head = path[0]
     if path[-1] == REFERENCE and (of := signals.find(path[:-1], scope.objects)) is not None:
         return _reference(of.signal, path, start, end)
-    if path[-1] in (*FUNCTIONS, *REDUCERS) and len(path) > 1:
+    if path[-1] in (*FUNCTIONS, *REDUCERS) and len(path) > 1 and path[-1] != "angle":
         inner = ".".join(path[:-1])
         message, hint = f"'{path[-1]}' is a function", f"it comes first: {path[-1]}({inner})"
         return Problem("TS120", message, start, end, hint)

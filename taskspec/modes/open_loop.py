@@ -36,7 +36,7 @@ class OpenLoop(AxisMode):
         """
         gains, force = at.plan.gains, at.forces[at.axis]
         k = at.plan.environment.stiffness_of(at.axis)
-        contact = 1 / k if k > 0 and not at.axis.is_rotation else 0.0
+        contact = 1 / k if k > 0 else 0.0
         if pairs_of(gains, "stiffness"):
             displacement = stretched(gains, at.axis, at.forces) + force * contact
         else:

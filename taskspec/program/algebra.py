@@ -33,6 +33,7 @@ _FUNCTIONS: dict[str, Callable[..., ca.SX]] = {
     "clamp": lambda x, low, high: ca.fmin(ca.fmax(x, low), high),
     "smooth": lambda x: _smooth(ca.fmin(ca.fmax(x, 0), 1)),
     "norm": lambda *x: length(ca.vertcat(*x)),
+    "angle": lambda a, b: ca.atan2(length(ca.cross(a, b)), ca.dot(a, b)),
 }
 
 

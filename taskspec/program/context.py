@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.program.contacts import Obstacles
+from taskspec.program.world.bushings import BushingModel
 from taskspec.program.world.equations import EquationModel, StartEquation
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.mechanisms import MechanismModel
@@ -34,6 +35,7 @@ class Context:
         mechanisms: nominal geometry of each.
         moving_bases: of the objects that move by themselves.
         equations: every constraint equation.
+        bushings: nominal springs between tip and world.
         start_equations: where they are at `start`.
         start_jacobian: (6, n) of the tip at `start`, world axes; start_inertia: (n, n) H there;
             start_gravity: (n,) g there.
@@ -54,6 +56,7 @@ class Context:
     equations: Mapping[str, EquationModel]
     start_equations: Mapping[str, StartEquation]
     mechanisms: Mapping[str, MechanismModel]
+    bushings: Mapping[str, BushingModel]
     moving_bases: Mapping[str, MovingBase]
     start_jacobian: NDArray[np.float64]
     start_inertia: NDArray[np.float64]

@@ -15,6 +15,7 @@ from taskspec.program.errors import spec_error
 from taskspec.program.signals import gaps, normal
 from taskspec.program.world import estimated_frames
 from taskspec.program.world import frames as frame_models
+from taskspec.program.world.bushings import bushing_models
 from taskspec.program.world.equations import at_start, equation_models
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.holding import holding_start
@@ -89,10 +90,11 @@ def prepare(
         surfaces=surfaces,
         compliances=contacts,
         mechanisms=models,
+        bushings=bushing_models(task),
         moving_bases=bases,
         equations=equations,
         start_equations={
-            name: at_start(model, start, tip_p, J) for name, model in equations.items()
+            name: at_start(model, start, tip_p, tip_R, J) for name, model in equations.items()
         },
         start_gaps=gap_at_start,
         start_normals=normals,

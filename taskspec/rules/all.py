@@ -33,12 +33,14 @@ from taskspec.rules import (
     stability,
     variations,
     contacts,
+    bushings,
 )
 
 # isort: on
 
 __all__ = [
     "axes",
+    "bushings",
     "contacts",
     "equations",
     "expectations",

@@ -18,7 +18,12 @@ from taskspec.text.units import show
 def nothing_ahead(stage: StagePlan) -> Iterator[Finding]:
     """A force on an axis along which the tool meets nothing that would return it."""
     context = stage.context
-    if stage.contacts.gripped or context.equations or not context.touchable_gaps:
+    if (
+        stage.contacts.gripped
+        or context.equations
+        or context.bushings
+        or not context.touchable_gaps
+    ):
         return
     for axis in stage.contacts.forces:
         expression = stage.spec.axes[axis].force

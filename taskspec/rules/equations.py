@@ -59,8 +59,8 @@ def equations_at_the_start(task: TaskPlan) -> Iterator[Finding]:
         broken = {"=": True, "<=": at.distance > 0, ">=": at.distance < 0}
         force = abs(at.distance) * context.compliances[name].stiffness
         if broken[model.constraint.relation] and force > TOUCHING:
-            off = show(abs(at.distance), LENGTH.on(rotation=model.joints))
-            effort = show(force, FORCE.on(rotation=model.joints), 3)
+            off = show(abs(at.distance), LENGTH.on(rotation=model.angular))
+            effort = show(force, FORCE.on(rotation=model.angular), 3)
             yield warning(
                 "TS312",
                 f"the {what} {off} off {name!r}: the run begins with {effort} of it",

@@ -78,11 +78,12 @@ def _open_loop(stage: StagePlan) -> list[Axis]:
 def _surfaceless(stage: StagePlan) -> bool:
     """Whether a stage has open-loop forces, and nothing to press on or to hold.
 
-    A force may also press on an equation of the world.
+    A force may also press on an equation of the world, or on a bushing.
     """
     alone = stage.contacts.main is None and not stage.contacts.gripped
-    borne = stage.environment.bearers
-    return alone and not all(a.is_rotation or a in borne for a in _open_loop(stage))
+    borne, springs = stage.environment.bearers, stage.environment.springs
+    forces = (a for a in _open_loop(stage) if not a.is_rotation)
+    return alone and not all(a in borne or springs(a) for a in forces)
 
 
 def _span(stage: StagePlan, axis: Axis) -> tuple[float, float] | None:

@@ -85,7 +85,7 @@ def motions_off_an_equation(stage: StagePlan) -> Iterator[Finding]:
     ]
     for equation, model in equations.items():
         finding = None
-        if not (model.joints or model.moves):
+        if not (model.joints or model.turns or model.moves):
             finding = _off(stage, equation, model, way, free)
         if finding is not None:
             yield finding
@@ -99,7 +99,7 @@ def _off(
     free: list[Vector],
 ) -> Finding | None:
     x = ca.SX.sym("x", 3)
-    terms = model.terms(x, ca.SX.zeros(3), ca.SX(0))
+    terms = model.terms(x, ca.SX(0))
     at = ca.Function("at", [x], [terms.distance, terms.normal, terms.scale])
     least = _FLAT * stage.context.start_equations[equation].scale
     both = model.constraint.relation == "=" or equation in stage.active

@@ -103,7 +103,7 @@ def _set_point(stage: StagePlan, axis: Axis) -> float | None:
 
 def _reason(context: Context, turns: bool) -> str:
     task = context.loaded.task
-    objects = [*task.shapes, *task.equations]
+    objects = [*task.shapes, *task.equations, *task.bushings]
     if turns and context.held:
         return f"the knob of {context.held!r} turns freely"
     if not objects:

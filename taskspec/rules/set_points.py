@@ -36,7 +36,7 @@ def pulls(stage: StagePlan) -> Iterator[Finding]:
         relation = model.constraint.relation
         presses = {"<=": 1, ">=": -1}.get(relation, 0)
         if presses * value < 0:
-            pull = in_si(value, FORCE.on(rotation=model.joints))
+            pull = in_si(value, FORCE.on(rotation=model.angular))
             yield warning(
                 "TS308",
                 f"{pull} pulls on {equation!r}, which can only push back",
@@ -59,7 +59,7 @@ def limited_set_points(stage: StagePlan) -> Iterator[Finding]:
     values += [
         (value, place)
         for equation, value, place in _on_equations(stage)
-        if not stage.context.equations[equation].joints
+        if not stage.context.equations[equation].angular
     ]
     for value, place in values:
         if abs(value) <= shares_of(stage).force * most:
@@ -141,7 +141,7 @@ def _on_equations(stage: StagePlan) -> Iterator[tuple[str, float, KeyPath]]:
     for equation, entry in stage.spec.constraints.items():
         value = _multiplier(stage, equation, entry)
         if value is not None:
-            key = "torque" if stage.context.equations[equation].joints else "force"
+            key = "torque" if stage.context.equations[equation].angular else "force"
             key = key if entry.generalised is None else "generalised"
             yield equation, value, FILE.stages[stage.name].constraints[equation][key]
 

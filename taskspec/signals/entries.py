@@ -265,8 +265,10 @@ _gain("force.integral", FREQUENCY, "integral gain of a force loop, where it vari
     "gap",
     of={
         "equation": LENGTH,
+        "rotation equation": ANGLE,
         "joint equation": ANGLE,
         "exact equation": LENGTH,
+        "exact rotation equation": ANGLE,
         "exact joint equation": ANGLE,
     },
     meanings={
@@ -322,9 +324,16 @@ def _object_force(at: Situation, name: str) -> ca.SX | None:
 )
 @signal(
     "torque",
-    of={"joint equation": MOMENT, "exact joint equation": MOMENT},
+    of={
+        "rotation equation": MOMENT,
+        "joint equation": MOMENT,
+        "exact rotation equation": MOMENT,
+        "exact joint equation": MOMENT,
+    },
     meanings={
+        "rotation equation": "the moment that the robot applies along the unit gradient",
         "joint equation": "the same in joint space",
+        "exact rotation equation": "as of a `rotation equation`",
         "exact joint equation": "as of a `joint equation`",
     },
     beside=(REFERENCE, MEASURED),
@@ -376,3 +385,35 @@ def _object_effort(at: Situation, name: str) -> ca.SX | None:
 )
 def _object_residual(at: Situation, name: str) -> None:
     """Joint torques that no force of the constraint makes."""
+
+
+def _of_bushings() -> None:
+    """Enters the components of what bushings have along and about their own axes."""
+    for axis in AXES:
+        about = "about" if axis.is_rotation else "along"
+
+        def place(at: Situation, name: str, row: int = axis.row) -> ca.SX | None:
+            found = at.objects[name].displacement
+            return None if found is None else found[row]
+
+        def effort(at: Situation, name: str, row: int = axis.row) -> ca.SX | None:
+            found = at.objects[name].wrench
+            return None if found is None else found[row]
+
+        meaning = "rotation vector of the tip" if axis.is_rotation else "place of the tip"
+        signal(
+            f"position.{axis}",
+            of={"bushing": axis.of(LENGTH)},
+            meanings={"bushing": f"{meaning} from the rest pose, {about} its {axis.letter}"},
+        )(place)
+        signal(
+            f"{axis.effort}.{axis}",
+            of={"bushing": axis.of(FORCE)},
+            meanings={
+                "bushing": f"what the robot applies to it at the tip, {about} its {axis.letter}"
+            },
+            unmeasured="the robot does not measure the force of one object; use norm(force)",
+        )(effort)
+
+
+_of_bushings()

@@ -42,6 +42,8 @@ class ObjectState:
         coordinate: of a mechanism [rad, m].
         travel: of a mechanism's handle along its axis [m].
         effort: what the robot applies to it [N, N m].
+        displacement: (6,) of a bushing, in its axes [m, rad].
+        wrench: (6,) what the robot applies to a bushing at the tip, in its axes [N, N m].
     """
 
     kind: str
@@ -49,6 +51,8 @@ class ObjectState:
     coordinate: ca.SX | None = None
     travel: ca.SX | None = None
     effort: ca.SX | None = None
+    displacement: ca.SX | None = None
+    wrench: ca.SX | None = None
 
 
 @dataclass(slots=True)

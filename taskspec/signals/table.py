@@ -137,7 +137,7 @@ STAGE: dict[str, Signal] = {}
 LINK: dict[str, Signal] = {}
 #: Gains of a law that may vary, by their name.
 GAIN: dict[str, Signal] = {}
-#: Of an object, by its kind and the last part of the name.
+#: Of an object, by its kind and what follows the object's name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
 _TABLES = {
@@ -230,9 +230,9 @@ def find(
             if int(number) < 1 or number.startswith("0"):
                 return None
             return Entry(JOINT[name], number, JOINT[name].dimension)
-        case (owner, name) if owner in objects:
+        case (owner, *parts) if owner in objects and parts:
             kind = objects[owner]
-            found = OBJECT[kind].get(name)
+            found = OBJECT[kind].get(".".join(parts))
             return Entry(found, owner, found.dimensions[kind]) if found else None
         case (Index.GAIN, *words, on) if (name := ".".join(words)) in GAIN:
             gain = GAIN[name]

@@ -1,6 +1,7 @@
 """What a task file may say: one model per noun, and the steps from text to a checked task."""
 
 from taskspec.spec.axis import AxisEntry
+from taskspec.spec.bushing import Bushing
 from taskspec.spec.control import Control
 from taskspec.spec.equation import Constraint, EquationObject, JointEquation
 from taskspec.spec.expectation import Expectation
@@ -32,6 +33,7 @@ __all__ = [
     "JOINT_LAW",
     "AxisEntry",
     "AxisValues",
+    "Bushing",
     "Constraint",
     "Control",
     "EquationObject",

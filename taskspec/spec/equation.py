@@ -1,4 +1,4 @@
-"""`world`: constraint equations on the tool tip or on the joints."""
+"""`world`: constraint equations on the tool tip, its rotation included, or on the joints."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression, Problem, ScopeKind, infer, parse
 from taskspec.expression.problem import ExpressionError
 from taskspec.expression.scope import coordinate
-from taskspec.expression.tree import Binary, Equation, Name, walk
+from taskspec.expression.tree import Binary, Call, Equation, Name, walk
+from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.fields import EXACT, FrameName
@@ -45,11 +46,20 @@ class Constraint:
         residual: left minus right; zero on the constraint.
         relation: `=` holds in both directions; under `<=` and `>=` the tool may leave to one side.
         joints: it is on joints, not on the tool tip.
+        moves: the place of the tip is among what it is on.
+        turns: the rotation of the tip is.
     """
 
     residual: Expression
     relation: Relation
-    joints: bool
+    joints: bool = False
+    moves: bool = False
+    turns: bool = False
+
+    @property
+    def angular(self) -> bool:
+        """Whether its distance is an angle and its force a moment."""
+        return self.joints or not self.moves
 
     def __str__(self) -> str:
         return str(self.residual)
@@ -61,7 +71,7 @@ class Sides(FieldType):
 
     def read(self, value: object, context: ParseContext) -> Constraint:
         """The constraint of the text."""
-        nothing = Constraint(Expression("", Name(("x",)), NUMBER), "=", joints=False)
+        nothing = Constraint(Expression("", Name(("x",)), NUMBER), "=", moves=True)
         if not isinstance(value, Text):
             message = f"an equation is needed here, this is {kind_of(value)}"
             context.error("TS022", message, span_of(value), "such as x^2 + y^2 = (300 mm)^2")
@@ -76,7 +86,8 @@ class Sides(FieldType):
         if problems:
             return nothing
         expression = Expression(value, residual, kind.dimension or NUMBER, value.node.origin)
-        return Constraint(expression, node.op, on_joints(residual))
+        moves, turns = on_place(residual), on_rotation(residual)
+        return Constraint(expression, node.op, on_joints(residual), moves, turns)
 
     def json(self) -> dict[str, Any]:
         """Describes the equation."""
@@ -87,26 +98,44 @@ class Sides(FieldType):
                 "x^2 + y^2 = (300 mm)^2",
                 "z >= 300 mm + 2 mm * sin(2*pi*clock*1 Hz)",
                 "q1 + 2*q2 = 90 deg",
+                "rz + 2 rad/m * x = 1 rad",
+                "angle(tool.z, world.z) >= 170 deg",
             ],
         }
 
 
 def on_joints(residual: Binary) -> bool:
     """Whether an equation is one of joints."""
-    used = [n.path[0] for n in walk(residual) if isinstance(n, Name) and len(n.path) == 1]
-    return any(name.startswith("q") for name in used if coordinate(name) is not None)
+    return any(name.startswith("q") for name in _used(residual))
+
+
+def on_place(residual: Binary) -> bool:
+    """Whether the place of the tip is among what an equation is on."""
+    return any(name in TRANSLATIONS for name in _used(residual))
+
+
+def on_rotation(residual: Binary) -> bool:
+    """Whether the rotation of the tip is."""
+    angles = (n for n in walk(residual) if isinstance(n, Call) and n.function == "angle")
+    of_tool = any(n.path[0] == "tool" for a in angles for n in walk(a) if isinstance(n, Name))
+    return of_tool or any(name in ROTATIONS for name in _used(residual))
+
+
+def _used(residual: Binary) -> dict[str, Name]:
+    """The coordinates in a residual."""
+    names = (n for n in walk(residual) if isinstance(n, Name) and len(n.path) == 1)
+    return {n.path[0]: n for n in names if coordinate(n.path[0]) is not None}
 
 
 def _coordinates(residual: Binary) -> tuple[Problem, ...]:
     """Reports an equation on nothing, or on the tip and on joints at once."""
-    used = {n.path[0]: n for n in walk(residual) if isinstance(n, Name)}
-    mine = {name: node for name, node in used.items() if coordinate(name) is not None}
-    if not mine:
+    mine, turns = _used(residual), on_rotation(residual)
+    if not (mine or turns):
         message = "this equation constrains nothing"
-        hint = "use x, y, z of the tool tip, or joints q1, q2, ..."
+        hint = "use x, y, z, rx, ry, rz of the tool tip, or joints q1, q2, ..."
         return (Problem("TS310", message, residual.start, residual.end, hint),)
     joints = [node for name, node in mine.items() if name.startswith("q")]
-    if joints and len(joints) < len(mine):
+    if joints and (turns or len(joints) < len(mine)):
         message = "an equation is on the tool tip or on joints, not on both"
         hint = "state them as two objects, or write the tip's place by the joints"
         return (Problem("TS310", message, joints[0].start, joints[0].end, hint),)
@@ -114,11 +143,11 @@ def _coordinates(residual: Binary) -> tuple[Problem, ...]:
 
 
 class EquationObject(Model):
-    """A constraint on the tool tip, `x y z` in the world or in `frame`, or on joints `q1 q2 ...`.
+    """A constraint on the tool tip, in the world or in `frame`, or on joints `q1 q2 ...`.
 
     Attributes:
         equation: its two sides.
-        frame: in which x, y and z count; None for the world.
+        frame: in which x, y, z, rx, ry and rz count; None for the world.
         stiffness: along the unit gradient [N/m], of an equation on joints [N*m/rad]; `rigid`: the
             stiffest spring that a step of the plant resolves; `exact`: no spring, but a multiplier.
         damping: along the unit gradient [N*s/m]; of an equation on joints [N*m*s/rad]. None for
@@ -132,7 +161,7 @@ class EquationObject(Model):
     )
 
     equation: Annotated[Constraint, Sides()] = Field(title="Equation")
-    frame: FrameName | None = Field(None, title="Frame in which x, y, z count")
+    frame: FrameName | None = Field(None, title="Frame in which the coordinates count")
     stiffness: Annotated[
         float | Literal["rigid", "exact"], Constant(STIFFNESS, above=0, words=("rigid", "exact"))
     ] = Field(20e3, title="Stiffness along the unit gradient")
@@ -148,7 +177,7 @@ class EquationObject(Model):
     @property
     def kind(self) -> str:
         """The kind of its signals."""
-        kind = "joint equation" if self.equation.joints else "equation"
+        kind = _KINDS[self.equation.joints, self.equation.angular]
         return EXACT + kind if self.exact else kind
 
     @classmethod
@@ -167,8 +196,8 @@ class EquationObject(Model):
             context.error("TS340", message, data.node.key_span("damping"), hint)
 
 
-class JointEquation(EquationObject):
-    """A constraint on joints."""
+class RotationEquation(EquationObject):
+    """A constraint on the rotation of the tool tip alone, `rx ry rz` or an angle between axes."""
 
     stiffness: Annotated[
         float | Literal["rigid", "exact"],
@@ -177,6 +206,10 @@ class JointEquation(EquationObject):
     damping: Annotated[float, Constant(ANGULAR_DAMPING, least=0)] | None = Field(
         None, title="Damping along the unit gradient"
     )
+
+
+class JointEquation(RotationEquation):
+    """A constraint on joints."""
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
@@ -190,7 +223,19 @@ class JointEquation(EquationObject):
 def kind_of_text(text: object) -> str:
     """The kind of the equation that a raw text states, `equation` where that is unclear."""
     residual = _residual(text)
-    return "joint equation" if residual is not None and on_joints(residual) else "equation"
+    if residual is None:
+        return "equation"
+    turns = on_rotation(residual) and not on_place(residual)
+    joints = on_joints(residual)
+    return _KINDS[joints, joints or turns]
+
+
+#: By whether it is on joints, and whether its force is a moment.
+_KINDS = {
+    (False, False): "equation",
+    (False, True): "rotation equation",
+    (True, True): "joint equation",
+}
 
 
 def _mixed(text: object) -> bool:

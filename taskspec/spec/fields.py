@@ -18,7 +18,7 @@ MECHANISMS = ("hinge", "slide", "screw")
 
 EXACT = "exact "
 """Begins the kind of an equation that holds exactly."""
-SPRUNG = ("equation", "joint equation")
+SPRUNG = ("equation", "rotation equation", "joint equation")
 """Kinds of equations that a spring keeps."""
 EQUATIONS = (*SPRUNG, *(EXACT + kind for kind in SPRUNG))
 """Kinds of constraint equations."""
@@ -37,6 +37,8 @@ def _other_than_a_frame(name: str, context: ParseContext) -> str:
 def _other_than_a_surface(name: str, context: ParseContext) -> str:
     """What to write instead of the name of an object that has no surface."""
     kind = context.objects.get(name)
+    if kind == "bushing":
+        return f"a bushing is no surface; a stage's frame may be {name!r}"
     if kind in MECHANISMS:
         return f"it is a {kind}; a stage's frame may be {name!r} or '{name}.handle'"
     return "an equation is no surface; write a shape" if kind is not None else ""
@@ -46,6 +48,8 @@ def _other_than_a_contact(name: str, context: ParseContext) -> str:
     """What to write instead of the name of an object that no force is pressed on."""
     if context.objects.get(name) in MECHANISMS:
         return f"what is held returns forces by itself: robot.grasp: {name}.handle"
+    if context.objects.get(name) == "bushing":
+        return "a bushing returns forces on all axes by itself: leave 'contact' out"
     return "forces along equations stand under 'constraints'" if name in context.objects else ""
 
 

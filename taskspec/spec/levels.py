@@ -8,6 +8,7 @@ from typing import get_args
 
 from taskspec.motion.paths import PATHS
 from taskspec.spec.axis import AxesForm, Rotation, Translation
+from taskspec.spec.bushing import Bushing
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject
 from taskspec.spec.frame import Frame
@@ -44,6 +45,7 @@ _MODELS: tuple[tuple[str, type[Model]], ...] = (
     (_OBJECT, Slide),
     (_OBJECT, Screw),
     (_OBJECT, EquationObject),
+    (_OBJECT, Bushing),
     ("frames.NAME.", Frame),
     ("law.", Law),
     ("limits.", Limits),

@@ -57,7 +57,7 @@ def collect_names(context: ParseContext) -> None:
     loose = [name for name, value in world.items() if is_free(mapping(value))]
     context.held = dict.fromkeys((*handles, *loose))
     own = ("world", "tool")
-    posed = context.of_kind("shape", *MECHANISMS)
+    posed = context.of_kind("shape", "bushing", *MECHANISMS)
     context.frames = dict.fromkeys((*own, *sections["frames"], *posed, *handles))
     _check_unique(sections, context)
     for key, names in (*sections.items(), ("params", _names(context.data, "params"))):
@@ -101,7 +101,7 @@ def why_not(name: str, section: str) -> str | None:
         return f"{rule}: {near}" if _NAME.match(near) and why_not(near, section) is None else rule
     if name in UNITS:
         return f"'{name}' is a unit"
-    if name in FUNCTIONS or name in REDUCERS:
+    if name in REDUCERS or (name in FUNCTIONS and FUNCTIONS[name].rule != "two axes"):
         return f"'{name}' is a function"
     if name in _WORDS:
         return f"'{name}' is a word of expressions"

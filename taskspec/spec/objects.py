@@ -8,20 +8,23 @@ from typing import Any
 from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from taskspec.spec.equation import EquationObject, JointEquation, kind_of_text
+from taskspec.spec.bushing import Bushing
+from taskspec.spec.equation import EquationObject, JointEquation, RotationEquation, kind_of_text
 from taskspec.spec.fields import EXACT, MECHANISMS
 from taskspec.spec.mechanism import OF_KIND, Hinge, Mechanism, Screw, Slide
 from taskspec.spec.model import Model, mapping
 from taskspec.spec.world import Shape
 from taskspec.text.data import Map
 
-Object = Shape | EquationObject | Mechanism
+Object = Shape | EquationObject | Mechanism | Bushing
 
 MODELS: dict[str, type[Model]] = {
     "shape": Shape,
     "equation": EquationObject,
+    "rotation equation": RotationEquation,
     "joint equation": JointEquation,
     **OF_KIND,
+    "bushing": Bushing,
 }
 """What an object of `world` is read as, by its kind."""
 
@@ -30,6 +33,8 @@ def kind_of_object(data: object) -> str:
     """The kind of a raw object, as `signals.OBJECT` names it; `shape` by default."""
     if not isinstance(data, Map):
         return "shape"
+    if "bushing" in data:
+        return "bushing"
     if "equation" in data:
         exact = EXACT if data.get("stiffness") == "exact" else ""
         return exact + kind_of_text(data["equation"])
@@ -83,6 +88,11 @@ def equations(world: Mapping[str, Object]) -> dict[str, EquationObject]:
     return {name: o for name, o in world.items() if isinstance(o, EquationObject)}
 
 
+def bushings(world: Mapping[str, Object]) -> dict[str, Bushing]:
+    """The bushings of a world."""
+    return {name: o for name, o in world.items() if isinstance(o, Bushing)}
+
+
 def mechanisms(world: Mapping[str, Object]) -> dict[str, Mechanism]:
     """The mechanisms of a world."""
     return {name: o for name, o in world.items() if isinstance(o, Mechanism)}
@@ -95,6 +105,7 @@ __all__ = [
     "Object",
     "Screw",
     "Slide",
+    "bushings",
     "equations",
     "mechanisms",
     "shapes",

@@ -47,7 +47,7 @@ def _of_axes(*, rotation: bool) -> dict[str, Meaning]:
 
 _EQUATION = {
     "equation": ("The constraint. In both directions with =, in one with <= or >=.", ()),
-    "frame": ("The frame in which x, y and z count; by default the world.", ()),
+    "frame": ("The frame in which x, y, z, rx, ry and rz count; by default the world.", ()),
     "stiffness": ("How stiffly the world keeps it, along the unit gradient.", ("50 kN/m",)),
     "damping": ("Damping along the unit gradient.", ("50 N*s/m",)),
 }
@@ -143,6 +143,17 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
     },
     "AngularDetent": _DETENT, "LinearDetent": _DETENT,
     "EquationObject": _EQUATION, "JointEquation": _EQUATION,
+    "RotationEquation": _EQUATION,
+    "Bushing": {
+        "bushing": ("The tool: what the spring holds.", ()),
+        "xyz": ("Where the tip is at rest, in the world.", (["500 mm", 0, "300 mm"],)),
+        "rpy": ("The tip's orientation at rest, in the world; by default pointing down.",
+                (["180 deg", 0, 0],)),
+        "stiffness": ("Along and about x y z of the rest pose: a diagonal, or 6 rows of 6.",
+                      (["2 kN/m", "2 kN/m", "5 kN/m", *["20 N*m/rad"] * 3],)),
+        "damping": ("The same of its damper; by default a tenth of critical.",
+                    ([*["60 N*s/m"] * 3, *["1 N*m*s/rad"] * 3],)),
+    },
     "Hinge": _MECHANISM, "Slide": _MECHANISM,
     "Screw": _MECHANISM | {"pitch": ("Travel along its axis per angle about it.", ("2 mm/turn",))},
     "ForceGains": {

@@ -10,7 +10,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression, ScopeKind
 from taskspec.spec.axis import Ramp
 from taskspec.spec.field_type import FieldType
-from taskspec.spec.fields import EQUATIONS
+from taskspec.spec.fields import EQUATIONS, EXACT
 from taskspec.spec.joint_expressions import JointExpressions
 from taskspec.spec.linear_ramp import RampedFormula
 from taskspec.spec.model import Model, complete, field_types
@@ -26,7 +26,7 @@ class SetPoint(Model):
 
     Attributes:
         force: of an equation on the tool tip [N].
-        torque: of an equation on joints [N*m].
+        torque: of an equation on joints, or on the tip's rotation alone [N*m].
         generalised: instead of either, the joint torques u_phi,d that stand for it, one for each
             joint [N*m; N of a slide], (4.101).
         ramp: time in which it is reached [s]; None for the default.
@@ -39,7 +39,7 @@ class SetPoint(Model):
         None, title="Force", description="Along the unit gradient, as the robot applies it"
     )
     torque: Annotated[Expression, RampedFormula(MOMENT, ScopeKind.REFERENCE)] | None = Field(
-        None, title="Moment", description="Along the unit gradient in joint space"
+        None, title="Moment", description="Along the unit gradient of angles"
     )
     generalised: (
         Annotated[tuple[Expression, ...], JointExpressions(MOMENT, FORCE, ScopeKind.REFERENCE)]
@@ -65,6 +65,12 @@ class SetPoint(Model):
 
 #: The key of a set point in joint torques.
 _JOINTS = "generalised"
+#: What an equation is on, by its kind.
+_PLACES = {
+    "equation": "the tool tip",
+    "rotation equation": "the tip's rotation",
+    "joint equation": "joints",
+}
 _AXIS = "to press on it, give an axis of the stage's frame a force: axes: {z: {force: -10 N}}"
 
 
@@ -96,10 +102,11 @@ class SetPoints(FieldType):
         """Requires the one quantity that fits the equation."""
         if not isinstance(entry, Map):
             return
-        on_joints = context.objects[name].endswith("joint equation")
-        right, wrong = ("torque", "force") if on_joints else ("force", "torque")
+        kind = context.objects[name].removeprefix(EXACT)
+        angular = kind != "equation"
+        right, wrong = ("torque", "force") if angular else ("force", "torque")
         if wrong in entry:
-            where = "joints" if on_joints else "the tool tip"
+            where = _PLACES[kind]
             message = f"a {wrong} on an equation of {where}"
             context.error("TS205", message, entry.node.key_span(wrong), f"write '{right}'")
         elif right in entry and _JOINTS in entry:
@@ -107,7 +114,7 @@ class SetPoints(FieldType):
             context.error("TS026", message, entry.node.key_span(_JOINTS), "keep one of the two")
         elif entry.keys() <= {"ramp"} and complete(entry, context):
             message = f"a set point needs a '{right}'"
-            unit = fitting(FORCE.on(rotation=on_joints))[0]
+            unit = fitting(FORCE.on(rotation=angular))[0]
             hint = f"such as {{{right}: 20 {unit}}}, or joint torques: {{{_JOINTS}: [1 N*m, 0]}}"
             context.error("TS021", message, pointer(entry.node), hint)
 
@@ -116,8 +123,8 @@ class SetPoints(FieldType):
         entry = {
             "type": "object",
             "title": "Set point",
-            "description": "A force of an equation on the tip, a torque of one on joints, or the "
-            "joint torques of either",
+            "description": "A force of an equation on the tip, a torque of one on angles alone, or "
+            "the joint torques of either",
             "additionalProperties": False,
             "properties": {
                 key: next(each.json() for each in field_types(field) if isinstance(each, FieldType))

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from taskspec.spec.bushing import Bushing
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject
 from taskspec.spec.expectation import Expectation, Expectations
@@ -20,7 +21,7 @@ from taskspec.spec.law import Law
 from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import Mechanism
 from taskspec.spec.model import Model, mapping
-from taskspec.spec.objects import ByKind, Object, equations, mechanisms, shapes
+from taskspec.spec.objects import ByKind, Object, bushings, equations, mechanisms, shapes
 from taskspec.spec.params import Params
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.robot import Robot
@@ -139,6 +140,11 @@ class Task(Model):
     def in_joints(self) -> bool:
         """Whether a stage has a path of joints."""
         return any(s.path is not None and s.path.joints is not None for s in self.stages.values())
+
+    @property
+    def bushings(self) -> dict[str, Bushing]:
+        """Springs in six directions on the tool tip."""
+        return bushings(self.world)
 
     @property
     def mechanisms(self) -> dict[str, Mechanism]:

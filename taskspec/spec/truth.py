@@ -22,6 +22,8 @@ from taskspec.text.suggest import suggestion
 #: Values of the robot that are given as a whole too.
 _WHOLE = frozenset({"payload", "sensor.noise", "sensor.rate"})
 _MOTION = "motion"
+#: Matrices, which are given as a whole.
+_MATRICES = frozenset({"stiffness", "damping"})
 FAULTS = "faults"
 """The key of what happens while a run goes on."""
 
@@ -115,6 +117,8 @@ def _names_a_value(path: str, data: Map, context: ParseContext) -> bool:
     if of.section == "robot" and of.key in _WHOLE:
         return True
     if of.first == _MOTION and context.objects.get(of.owner) == "shape":
+        return True
+    if of.key in _MATRICES and context.objects.get(of.owner) == "bushing":
         return True
     if of.section in ("robot", "world") and not (of.owner or of.key):
         known = ROBOT if of.section == "robot" else OBJECT["shape"]

@@ -24,7 +24,7 @@ from taskspec.text.units import ANGLE, DAMPING, LENGTH, MASS, NUMBER, STIFFNESS
 
 _SHAPES = all_shapes(__name__)
 
-KIND_KEYS = ("shape", "equation", "mechanism")
+KIND_KEYS = ("shape", "equation", "mechanism", "bushing")
 """The keys of which one says what an object is."""
 
 MOTION = {axis: ANGLE if axis.is_rotation else LENGTH for axis in AXES}
@@ -225,7 +225,7 @@ _OF_KIND = ("type", "kind", "geometry", "geom", "joint", "form")
 
 
 def _of_no_kind(data: Map, context: ParseContext, keys: list[str]) -> Map:
-    """Reports an object that none of the three keys gives a kind; returns what can be checked."""
+    """Reports an object that none of these keys gives a kind; returns what can be checked."""
     kinds = dict.fromkeys(_SHAPES, "shape") | dict.fromkeys(MECHANISMS, "mechanism")
     slips: dict[str, str] = {}
     for key, value in data.items():
@@ -235,6 +235,8 @@ def _of_no_kind(data: Map, context: ParseContext, keys: list[str]) -> Map:
             continue
         if key in kinds:
             slips[key] = f"write {kinds[key]}: {key}, and its keys beside it"
+        elif kind == "bushing" and key in _OF_KIND:
+            slips[key] = "write bushing: tool"
         elif kind in kinds and key in _OF_KIND:
             slips[key] = f"write {kinds[kind]}: {kind}"
         elif near := closest(key, KIND_KEYS):
@@ -242,7 +244,7 @@ def _of_no_kind(data: Map, context: ParseContext, keys: list[str]) -> Map:
     for key, hint in slips.items():
         context.error("TS020", f"unknown key '{key}' in an object", data.node.key_span(key), hint)
     if not slips and complete(data, context):
-        message = "an object needs a 'shape', an 'equation' or a 'mechanism'"
+        message = "an object needs a 'shape', an 'equation', a 'mechanism' or a 'bushing'"
         context.error("TS021", message, pointer(data.node), f"such as {Shape.example}")
     context.quiet.add(id(data.node))
     rest = Map({key: value for key, value in data.items() if key in keys})

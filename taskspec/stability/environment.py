@@ -1,4 +1,4 @@
-"""The environment of a stage as springs: contacts, equations, the grip; with their true values."""
+"""A stage's environment as springs: contacts, equations, bushings, the grip; with true values."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.rotation import cross
 from taskspec.program.context import Context
+from taskspec.program.world.bushings import BushingModel, bushing_models
 from taskspec.program.world.stiffness import (
     GRIP,
     added_mass,
@@ -68,6 +69,7 @@ def linear_plant(
                 rows.append(friction_rows(context, task, name, c, turns))
             elif task.shapes[name].friction > 0 and sliding is not None:
                 rows.append(sliding_rows(context, task, name, force, c, sliding, turns))
+    rows += [_bushing(context, model, c) for model in bushing_models(task).values()]
     if held is not None:
         H[n, n], damping[n] = held.coordinate_inertia, held.damping
         rows.append(_grip(context, task, held))
@@ -141,20 +143,20 @@ def _equation(context: Context, task: Task, name: str, force: float, c: int) -> 
     declared = equation_compliance(
         model, context.robot, context.start, task.equations[name], period
     )
-    place = context.start if model.joints else context.start_p
-    x = ca.SX.sym("x", len(place))
-    unit = model.terms(x, ca.SX.zeros(len(place)), ca.SX(0)).normal.T
-    normal, bend = (
-        np.array(part) for part in ca.Function("unit", [x], [unit, ca.jacobian(unit, x)])(place)
-    )
-    on = np.eye(n) if model.joints else context.start_jacobian[:3]
+    p, R = context.start_p, context.start_R
+    place = ca.evalf(model.place(ca.SX(context.start), ca.SX(p), ca.SX(R)))
+    x = ca.SX.sym("x", place.shape[0])
+    terms = model.terms(x, ca.SX(0))
+    parts = ca.Function("unit", [x], [terms.normal.T, model.turning(terms, x)])(place)
+    normal, bend = (np.array(part) for part in parts)
+    on = np.eye(n) if model.joints else context.start_jacobian[model.on]
     G, W, turning = np.zeros((1, c)), np.zeros((6, 1)), np.zeros((6, c))
     bending = np.zeros((c, c))
     G[0, :n] = normal.ravel() @ on
     bending[:n, :n] = -force * on.T @ bend @ on
     if not model.joints:
-        W[:3] = normal
-        turning[:3, :n] = -force * bend @ on
+        W[model.on] = normal
+        turning[model.on, :n] = -force * bend @ on
     return Rows(
         name=name,
         G=G,
@@ -166,6 +168,26 @@ def _equation(context: Context, task: Task, name: str, force: float, c: int) -> 
         bending=bending,
         equation=list(context.equations).index(name),
         exact=declared.exact,
+    )
+
+
+def _bushing(context: Context, model: BushingModel, c: int) -> Rows:
+    """The spring about the pose, and how the wrench that it exerts there turns."""
+    n, J = context.robot.n, context.start_jacobian
+    spring = model.spring(context.start_p, context.start_R)
+    G, turning, bending = np.zeros((6, c)), np.zeros((6, c)), np.zeros((c, c))
+    G[:, :n] = spring.J @ J
+    turning[:, :n] = spring.geometric(model.stiffness) @ J
+    bending[:n] = J.T @ turning
+    return Rows(
+        name=model.name,
+        G=G,
+        W=spring.J.T,
+        K=model.stiffness,
+        B=model.damping,
+        M=np.zeros((6, 6)),
+        turning=turning,
+        bending=bending,
     )
 
 

@@ -40,7 +40,7 @@ def gain_path(context: Context, stage: str, what: str, on: str) -> KeyPath:
 def turns(context: Context, on: str) -> bool:
     """Whether a gain on an axis, a joint or an equation has the units of a rotation."""
     if on in context.equations:
-        return context.equations[on].joints
+        return context.equations[on].angular
     return on.startswith(("r", "joint."))
 
 
@@ -48,7 +48,7 @@ def _as_axis(context: Context, on: str) -> str:
     """The axis whose gain in the file an equation takes; any other is its own."""
     if on not in context.equations:
         return on
-    return "rx" if context.equations[on].joints else "x"
+    return "rx" if context.equations[on].angular else "x"
 
 
 def together(context: Context, sampled: SampledStage, what: str, on: str) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -177,8 +178,8 @@ class SampledStage:
         for name in self.pressed:
             if name in context.surfaces:
                 normals[name] = Touched(context, task, name).off(p, 0.0)[0]
-            elif not context.equations[name].joints:
-                normals[name] = context.equations[name].unit_normal(p)
+            elif context.start_equations[name].gradient is not None:
+                normals[name] = context.equations[name].unit_normal(ca.SX(p))
         return Attitude(q, normals)
 
     def stuck(self) -> SampledStage | None:
@@ -310,6 +311,8 @@ def analyse(stage: CompiledStage) -> SampledStage | None:
             wrench += row.W @ [-pressed[row.name]]
         elif row.name in pressed and not row.rubs:
             wrench += row.W @ np.full(len(row.G), pressed[row.name] / len(row.G))
+    for bushing in context.bushings.values():
+        wrench += bushing.spring(context.start_p, context.start_R).wrench
     at.press(wrench, reactions)
     controller = at.linear()
     if not controller.finite:

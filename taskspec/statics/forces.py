@@ -88,7 +88,7 @@ def _leaned_on(stage: StagePlan, place: Place) -> dict[str, Vector] | None:
     """
     context = stage.context
     task = context.loaded.task
-    others = task.robot.grasp is not None or task.mechanisms or task.equations
+    others = task.robot.grasp is not None or task.mechanisms or task.equations or task.bushings
     if others or not task.shapes or any(shape.free for shape in task.shapes.values()):
         return None
     if any(base.turns for base in context.moving_bases.values()):

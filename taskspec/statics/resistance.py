@@ -7,6 +7,7 @@ differ.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import product
 
 import casadi as ca
@@ -52,15 +53,16 @@ def _forces(stage: StagePlan) -> Vector:
             return _ALL
         normal = stage.rotation[:, 2] if name == followed else stage.contacts.normal(name)
         columns.append(normal[:, None])
-    columns += [gradients(context, model) for model in context.equations.values()]
+    columns += [gradients(context, model)[:3] for model in context.equations.values()]
+    columns += [wrenches[:3] for wrenches in _bushings(context)]
     return _basis(np.hstack(columns))
 
 
 def _moments(stage: StagePlan) -> Vector:
     """(3, k) directions about which the world can return a moment to the control point.
 
-    A ball touches in one point and an equation acts on one: neither bears a moment there. A free
-    knob bears none about its own axis.
+    A ball touches in one point, which bears no moment there, nor does an equation but one on the
+    tip's rotation. A free knob bears none about its own axis.
     """
     context = stage.context
     task = context.loaded.task
@@ -72,18 +74,39 @@ def _moments(stage: StagePlan) -> Vector:
             return _ALL
         axis = held.rotation[:, 2]
         return _basis(np.eye(3) - np.outer(axis, axis))
-    return _ALL if task.shapes and context.robot.tool.flat else _NONE
+    if task.shapes and context.robot.tool.flat:
+        return _ALL
+    turning = (m for m in context.equations.values() if m.turns)
+    moments = [gradients(context, model)[3:] for model in turning]
+    for wrenches in _bushings(context):
+        levers = np.cross(-stage.kinematics.lever, wrenches[:3], axisb=0, axisc=0)
+        moments.append(wrenches[3:] + levers)
+    return _basis(np.hstack([_NONE, *moments]))
+
+
+def _bushings(context: Context) -> Iterator[Vector]:
+    """(6, r) wrenches that each bushing returns to the tip, each of the stiffness' own size."""
+    for model in context.bushings.values():
+        values, modes = np.linalg.eigh(model.stiffness)
+        kept = modes[:, values > _RESISTED * values[-1]]
+        yield model.spring(context.start_p, context.start_R).J.T @ kept
 
 
 def gradients(context: Context, model: EquationModel) -> Vector:
-    """(3, k) unit gradients of an equation at the start and around it."""
-    x = ca.SX.sym("x", 3)
-    terms = model.terms(x, ca.SX.zeros(3), ca.SX(0))
-    normal = ca.Function("normal", [x], [terms.normal])
+    """(3, k) unit gradients of an equation at the start and around it; (6, k) of one that turns.
+
+    Such a one is looked at in the rotation of the start.
+    """
+    p, R = ca.SX.sym("p", 3), ca.SX(context.start_R)
+    normal = ca.Function(
+        "normal", [p], [model.terms(model.place(ca.SX(context.start), p, R), ca.SX(0)).normal]
+    )
     offsets = _AROUND * np.array([*product((-1.0, 0.3, 1.0), repeat=3)])
     normals = [np.array(normal(context.start_p + d)).ravel() for d in (np.zeros(3), *offsets)]
     finite = [n for n in normals if np.isfinite(n).all()]
-    return np.array(finite).T if len(finite) == len(normals) else _ALL
+    if len(finite) == len(normals):
+        return np.array(finite).T
+    return np.eye(6) if model.turns else _ALL
 
 
 def _basis(columns: Vector) -> Vector:

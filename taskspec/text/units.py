@@ -231,6 +231,8 @@ MEASURES = (
     Measure("an angular acceleration", ANGULAR_ACCELERATION, "rad/s^2", ("rad/s^2", "deg/s^2")),
     Measure("a jerk", JERK, "m/s^3", ("m/s^3",)),
     Measure("an angular jerk", ANGULAR_JERK, "rad/s^3", ("rad/s^3", "deg/s^3")),
+    Measure("a force per angle", FORCE / ANGLE, "N/rad", ("N/rad", "N/deg")),
+    Measure("a force per rate of turn", FORCE / ANGULAR_VELOCITY, "N*s/rad", ("N*s/rad",)),
     Measure("a length per angle", LENGTH / ANGLE, "m/rad", ("mm/rad", "m/rad", "mm/turn")),
     Measure("a stiffness between a force and an angle", FORCE / ANGLE, "N/rad", ("N/rad", "N/deg")),
     Measure("a damping between a force and a rate of turn", FORCE / ANGULAR_VELOCITY, "N*s/rad",

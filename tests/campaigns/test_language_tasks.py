@@ -63,6 +63,7 @@ def test_the_files_cover_the_language() -> None:
         "shape: " + s for s in ("plane", "box", "cylinder", "sphere", "hole", "slot", "groove")
     ]
     words += ["equation: z >=", "equation: z <=", "equation: x^2", "equation: q1"]
+    words += ["bushing: tool", "equation: rz +", "angle(tool.z, -world.z)"]
     words += ["mechanism: " + kind for kind in ("hinge", "slide", "screw")]
     words += ["grasp:", "on: button", "on: door", "free: true", "detent:", "stop:", "knob: free"]
     words += [

@@ -11,8 +11,9 @@ from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.spec import Law, Robot, Task
 from taskspec.spec.axis import Rotation, Translation
+from taskspec.spec.bushing import Bushing, SixBySix
 from taskspec.spec.control import Control
-from taskspec.spec.equation import EquationObject, JointEquation
+from taskspec.spec.equation import EquationObject, JointEquation, RotationEquation
 from taskspec.spec.fault import Fault
 from taskspec.spec.followed import Followed
 from taskspec.spec.frame import Frame
@@ -52,6 +53,7 @@ from taskspec.spec.set_point import SetPoint
 from taskspec.spec.stage import Branch, Stage, Within
 from taskspec.spec.sweep import Sweep
 from taskspec.spec.world import Motion, Shape
+from taskspec.text.units import ANGLE
 
 KEYS: dict[str, tuple[type[Model], ...]] = {
     "task": (Task,),
@@ -69,7 +71,8 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "robot.protection.wrenches": (Reflex, SensorRange),
     "world": (Shape,),
     "motion": (Motion,),
-    "equation": (EquationObject, JointEquation),
+    "equation": (EquationObject, RotationEquation, JointEquation),
+    "bushing": (Bushing,),
     "mechanism": (Hinge, Slide, Screw),
     "mechanism.detent": (AngularDetent, LinearDetent),
     "constraints": (SetPoint,),
@@ -104,7 +107,8 @@ def kinds(annotation: object) -> Iterator[object]:
             | GainField
             | Formula
             | Followed
-            | IntervalAroundZero,
+            | IntervalAroundZero
+            | SixBySix,
         ):
             yield part
         else:
@@ -140,6 +144,9 @@ def units_needed(model: type[Model], key: str) -> set[object]:
             found.add(kind.dimension)
         elif isinstance(kind, Entries):
             found.update(kind.dimensions)
+        elif isinstance(kind, SixBySix):
+            found.update(kind.linear.on(rotation=turns) for turns in (False, True))
+            found.update({kind.coupling, kind.coupling / ANGLE})
         elif isinstance(kind, GainField):
             found.update(kind.dimension.on(rotation=turns) for turns in (False, True))
     return found

@@ -67,6 +67,23 @@ _OBJECT = st.one_of(
         {"length": _SIZE} | _PLACED | _CONTACT,
     ),
 )
+_SIX = st.lists(_number(0, 9, "kN/m"), min_size=3, max_size=3).flatmap(
+    lambda along: st.lists(_number(0, 60, "N*m/rad"), min_size=3, max_size=3).map(
+        lambda about: f"[{', '.join(along + about)}]"
+    )
+)
+_BUSHING = _mapping(
+    {"bushing": st.just("tool"), "xyz": _PLACE, "stiffness": _SIX},
+    {"rpy": _TURN, "damping": st.just("[1 N*s/m, 1 N*s/m, 1 N*s/m, 0, 0, 0]")},
+)
+_TURNED = _mapping(
+    {
+        "equation": _one(
+            "'rx = 3 deg'", "'rz + 2 rad/m * x >= 1 rad'", "'angle(tool.z, -world.z) <= 20 deg'"
+        )
+    },
+    {},
+)
 _STOP = {"stop": _one("-5..40 mm", "0 .. 6 mm")}
 _DETENT = _mapping(
     {"at": _number(1, 20, "mm"), "force": _number(1, 20, "N"), "width": _number(1, 9, "mm")}, {}
@@ -256,6 +273,8 @@ def tasks(draw: st.DrawFn) -> str:
     world = [f"table: {draw(_OBJECT)}"]
     if draw(st.booleans()):
         world += [f"door: {draw(_MECHANISM)}", f"leaf: {draw(_RIDER)}"]
+    if draw(st.booleans()):
+        world += [f"mount: {draw(_BUSHING)}", f"turned: {draw(_TURNED)}"]
     included = draw(st.booleans())
     lines = [
         "taskspec: 1",

@@ -95,3 +95,43 @@ def test_an_equation_that_moves_carries_the_tip_along():
     # The force that moves the damped joints deforms it.
     lag = pushed.plant.views.equations[0] / 50e3
     assert pushed.tip[2] - (0.4 + 0.02 * clock) == pytest.approx(lag, abs=2e-5)
+
+
+def test_a_mixed_equation_pushes_along_the_place_and_turns_by_its_lever():
+    """rz + 5 rad/m z = 0: a force along z with 200 mm times it about z."""
+    jig = (
+        "frame: mount, equation: 'rz + 5 rad/m * z = 0 rad', stiffness: 20 kN/m, damping: 60 N*s/m"
+    )
+    nothing = "stiffness: [0, 0, 0, 0, 0, 0], damping: [1 N*s/m, 0, 0, 0, 0, 0]"
+    mount = f"mount: {{bushing: tool, xyz: [500 mm, 0, 400 mm], {nothing}}}"
+    pushed = Pushed(f"{mount}, rail: {{{jig}}}", damping=30)
+    pushed.push(np.array([0.0, 0.0, -20.0]), 4.0, spring=200.0)
+    force = pushed.plant.views.equations[0]
+    R = pushed.plant.arm.tip_rotation.reshape(3, 3).copy()
+    F = np.diag([1.0, -1.0, -1.0])
+    turn, place = pin.log3(F.T @ R), F.T @ (pushed.tip - [0.5, 0.0, 0.4])
+    assert force > 5
+    assert force / ((turn[2] + 5 * place[2]) / 5) == pytest.approx(20e3, rel=1e-3)
+    # The gradient of rz along turns is the last row of the inverse left Jacobian.
+    half = np.linalg.norm(turn) / 2
+    factor = (1 - half / np.tan(half)) / (4 * half**2) if half else 1 / 12
+    W = pin.skew(turn)
+    gradient = (np.eye(3) - W / 2 + factor * W @ W)[2]
+    wrench = [*(F @ [0, 0, -force]), *(F @ gradient * -force / 5)]
+    np.testing.assert_allclose(pushed.plant.arm.wrench, wrench, atol=2e-3)
+    np.testing.assert_allclose(pushed.unbalanced(), 0.0, atol=1e-2)
+
+
+def test_an_angle_between_axes_turns_about_both():
+    lean = "lean: {equation: 'angle(tool.z, world.x) = 80 deg', stiffness: 500 N*m/rad}"
+    pushed = Pushed(lean, damping=30)
+    pushed.push(0.0, 4.0, spring=200.0)
+    torque, axis = (
+        pushed.plant.views.equations[0],
+        pushed.plant.arm.tip_rotation.reshape(3, 3)[:, 2],
+    )
+    about = np.cross([1.0, 0, 0], axis)
+    about /= np.linalg.norm(about)
+    assert abs(torque) > 1
+    assert torque / (np.arccos(axis[0]) - np.deg2rad(80)) == pytest.approx(500, rel=1e-3)
+    np.testing.assert_allclose(pushed.plant.arm.wrench, [0, 0, 0, *(-torque * about)], atol=1e-3)

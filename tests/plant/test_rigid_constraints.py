@@ -98,7 +98,7 @@ class Reduced:
         H, bias, J = ca.SX.sym("H", n, n), ca.SX.sym("bias", n), ca.SX.sym("J", 3, n)
         p, drift, t = ca.SX.sym("p", 3), ca.SX.sym("drift", 3), ca.SX.sym("t")
         v, u = ca.SX.sym("v", n), ca.SX.sym("u", n)
-        terms = self._equation.terms(p, J @ v, t)
+        terms = self._equation.terms(p, t, J @ v)
         J_phi, gamma = terms.normal @ J, terms.drift + terms.normal @ drift
         inputs = [H, bias, J, p, drift, v, u, t]
         still = self._terms(pushed.start, np.zeros(n))

@@ -35,6 +35,7 @@ from taskspec_runner.runs import Run
 TASKS = Path(__file__).resolve().parents[2] / "tasks"
 #: One with each thing that a plant or a sensor may have. `make native` has them all.
 DIFFERENT = (
+    "bushing-press",  # a spring in six directions
     "conveyor",  # an object that moves by itself
     "exact-ring",  # equations that hold exactly, one of which moves
     "door-handle",  # a grip, a mechanism with a detent
@@ -44,6 +45,7 @@ DIFFERENT = (
     "peg-in-hole",  # a tool with sides, a cut, retries by condition
     "press-qp",  # a program of limits
     "slot-insertion",  # a box as the tool
+    "spiral-guide",  # equations on the tip's rotation
     "wipe-bowl",  # a hollow, of which a ball touches the inside
     "wipe-mesh",  # a mesh, whose facets a frame blends
     "unknown-normal",  # a frame that is estimated

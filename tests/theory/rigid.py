@@ -120,7 +120,7 @@ def _function(n: int, equations: list[EquationModel]) -> ca.Function:
     d, rows, gamma, r_t, normals = [], [], [], [], []
     for model in equations:
         place, rate = (q, v) if model.joints else (p, columns @ v)
-        terms = model.terms(place, rate, t)
+        terms = model.terms(place, t, rate)
         normal, bend = terms.normal, terms.drift
         d.append(terms.distance)
         r_t.append(terms.by_time)

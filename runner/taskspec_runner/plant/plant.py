@@ -45,7 +45,7 @@ class PlantArm:
         wrist: (6,) the wrench as a sensor between flange and tool measures it, with the tool's
             weight and inertia; None unless the sensor is at the wrist.
         grip: what it holds something with; None where it holds nothing.
-        equations: the springs of constraints on it; None where there are none.
+        equations: the springs of constraints on it, and bushings; None where there are none.
         rigid: the constraints that hold exactly; None where there are none.
         forces: writes the wrenches and forces, and what of the state has no view.
         sensor: the true one.
@@ -67,11 +67,13 @@ class PlantArm:
         self.diverged = False
         self._model, self._data = model, data
         exact = [each.exact for each in task.equations.values()]
-        self.equations = self.rigid = None
-        if not all(exact):
-            self.equations = Equations(model, data, arm, task, views.equations)
-        if any(exact):
-            self.rigid = RigidConstraints(model, data, arm, task, views.equations)
+        sprung = bool(task.bushings) or not all(exact)
+        self.equations = (
+            Equations(model, data, arm, task, views.equations, views.bushings) if sprung else None
+        )
+        self.rigid = (
+            RigidConstraints(model, data, arm, task, views.equations) if any(exact) else None
+        )
         wiring = Wiring()
         self.grip = Grip(model, data, arm, task, wiring) if arm.held else None
         self.wrist = np.zeros(6) if self.sensor.at == "wrist" else None
@@ -86,10 +88,7 @@ class PlantArm:
         sensed = wiring.reads("contacts", data.sensordata)
         on_tip, objects = _contacts(scene, sensed, tip)
         efforts: dict[str, ca.SX] = {}
-        if self.equations is not None:
-            on_tip[:3] += wiring.reads("equations", self.equations.on_tip)
-        if self.rigid is not None:
-            on_tip[:3] += wiring.reads("rigid", self.rigid.on_tip)
+        on_tip += self._of_constraints(wiring)
         if self.grip is not None:
             on_tip += self.grip.wrench
             if arm.held in task.mechanisms:
@@ -111,6 +110,17 @@ class PlantArm:
         wiring.writes(ca.vertcat(ca.SX(0, 1), *objects), self.object_forces)
         #: All that acts on the tool, of what MuJoCo has left of a step.
         self.forces = wiring.bound("forces")
+
+    def _of_constraints(self, wiring: Wiring) -> ca.SX:
+        """(6,) what equations and bushings exert on the tip, world axes [N, N m]."""
+        on_tip = ca.SX.zeros(6)
+        if self.equations is not None:
+            on_tip[:3] += wiring.reads("equations", self.equations.on_tip)
+            if self.equations.turns:
+                on_tip[3:] += wiring.reads("moments", self.equations.about_tip)
+        if self.rigid is not None:
+            on_tip += wiring.reads("rigid", self.rigid.on_tip)
+        return on_tip
 
     def put(self, q: Vector, v: Vector | None = None) -> None:
         """Puts the joints at positions q (n,), and velocities v (n,); None leaves these."""

@@ -43,8 +43,8 @@ class RigidConstraints:
     Attributes:
         function: all of the step's beginning, and of a round, to the multipliers of the next one.
         clock: (1,) of the simulator [s].
-        J, J_rate: (3 nv,) of the tip's place, and its rate, row by row; `body` is the tip's, `tip`
-            its place.
+        J, J_rate: (6 nv,) of the tip, and its rate, row by row; `body` is the tip's, `tip` its
+            place, `axes` (9,) its axes row by row.
         H: (nv nv,) of all degrees of freedom, row by row.
         constraint_forces: (k,) view of what MuJoCo's constraints exert on the joints [N m, N].
         exerted: (k,) of these those for which the function was evaluated.
@@ -53,7 +53,7 @@ class RigidConstraints:
             `before` those of the round before, and `step` what would have taken them to (4.77).
         broyden: (m m,) the step of the multipliers for what is left to (4.77), negative.
         next_multipliers, next_step, next_broyden: of these, what the function writes.
-        on_tip: (3,) what those on the tip exert on it, world axes [N].
+        on_tip: (6,) what those on the tip exert there, world axes [N, N m].
         on_joints: (k,) what all of them exert on the joints [N m, N].
         others: (k,) what else is applied to the joints in this step; `joints` is where all that is.
         settled: (1,) whether `multipliers` are those of (4.77).
@@ -72,7 +72,8 @@ class RigidConstraints:
         self._model, self._data = model, data
         places, free = arm.places(model), list(arm.robot.coupling.free)
         own, nv = places.velocities, model.nv
-        self.body, self.tip = places.tip, data.xpos[places.tip]
+        self.body = places.tip
+        self.tip, self.axes = data.xpos[places.tip], data.xmat[places.tip]
         self.joints, self.constraint_forces = data.qfrc_applied[own], data.qfrc_constraint[own]
         k = len(self.joints)
         models = equation_models(task)
@@ -80,9 +81,9 @@ class RigidConstraints:
         m = len(exact)
         self.cartesian = any(not each.joints for each in exact.values())
         self.clock, self.round, self.settled = np.zeros(1), np.zeros(1), np.zeros(1)
-        self.J, self.J_rate, self.H = np.zeros(3 * nv), np.zeros(3 * nv), np.zeros(nv * nv)
+        self.J, self.J_rate, self.H = np.zeros(6 * nv), np.zeros(6 * nv), np.zeros(nv * nv)
         self.exerted, self.others, self.on_joints = (np.zeros(k) for _ in range(3))
-        self.on_tip = np.zeros(3)
+        self.on_tip = np.zeros(6)
         self.multipliers, self.before, self.step = (np.zeros(m) for _ in range(3))
         self.next_multipliers, self.next_step = np.zeros(m), np.zeros(m)
         self.broyden, self.next_broyden = np.zeros(m * m), np.zeros(m * m)
@@ -90,8 +91,9 @@ class RigidConstraints:
         wiring = Wiring()
         q, v = wiring.reads("q", data.qpos[places.positions]), wiring.reads("v", data.qvel[own])
         tip, clock = wiring.reads("tip", self.tip), wiring.reads("clock", self.clock)
+        R = ca.reshape(wiring.reads("axes", self.axes), 3, 3).T
         J, J_rate = (
-            ca.reshape(wiring.reads(name, array), nv, 3).T[:, own]
+            ca.reshape(wiring.reads(name, array), nv, 6).T[:, own]
             for name, array in (("J", self.J), ("J_rate", self.J_rate))
         )
         H = ca.reshape(wiring.reads("H", self.H), nv, nv)[own, own]
@@ -104,19 +106,22 @@ class RigidConstraints:
         )
         bias = wiring.reads("bias", data.qfrc_bias[own])
         exerted = wiring.reads("exerted", self.exerted)
-        rows = [_row(each, tip, J, J_rate, q, v, free, clock, h[0]) for each in exact.values()]
+        at = {name: each.place(q[free], tip, R) for name, each in exact.items()}
+        rows = [
+            _row(each, at[name], J, J_rate, v, free, clock, h[0]) for name, each in exact.items()
+        ]
         J_phi, gamma = ca.vertcat(*(row[0] for row in rows)), ca.vertcat(*(row[1] for row in rows))
         factor = linear.cholesky(H + ca.diag(h * damping))
         wanted = constrained.multipliers(factor, bias, moves + exerted, J_phi, gamma)
         found = self._next(wiring, wanted)
         wiring.writes(found, self.next_multipliers)
         wiring.writes(J_phi.T @ found, self.on_joints)
-        on_tip, names = ca.SX.zeros(3), list(models)
+        on_tip, names = ca.SX.zeros(6), list(models)
         for i, (name, each) in enumerate(exact.items()):
-            at = names.index(name)
-            wiring.writes(-found[i], applied[at : at + 1])
+            number = names.index(name)
+            wiring.writes(-found[i], applied[number : number + 1])
             if not each.joints:
-                on_tip += found[i] * each.terms(tip, ca.SX.zeros(3), clock).normal.T
+                on_tip[each.on] += found[i] * each.terms(at[name], clock).normal.T
         wiring.writes(on_tip, self.on_tip)
         self.function = wiring.bound("rigid_constraints")
 
@@ -149,9 +154,9 @@ class RigidConstraints:
         model, data = self._model, self._data
         self.clock[0], self.round[0] = data.time, 0.0
         if self.cartesian:
-            nv = model.nv
-            mujoco.mj_jacBody(model, data, self.J.reshape(3, nv), None, self.body)
-            mujoco.mj_jacDot(model, data, self.J_rate.reshape(3, nv), None, self.tip, self.body)
+            J, rate = (each.reshape(6, model.nv) for each in (self.J, self.J_rate))
+            mujoco.mj_jacBody(model, data, J[:3], J[3:], self.body)
+            mujoco.mj_jacDot(model, data, rate[:3], rate[3:], self.tip, self.body)
         mujoco.mj_fullM(model, data, self.H.reshape(model.nv, model.nv))
         mujoco.mj_fwdActuation(model, data)
         self.others[:] = self.joints
@@ -174,10 +179,9 @@ class RigidConstraints:
 
 def _row(
     model: EquationModel,
-    tip: ca.SX,
+    place: ca.SX,
     J: ca.SX,
     J_rate: ca.SX,
-    q: ca.SX,
     v: ca.SX,
     free: list[int],
     clock: ca.SX,
@@ -187,18 +191,20 @@ def _row(
 
     Args:
         model: the equation.
-        tip: (3,) its place; J, J_rate: (3, k) its Jacobian and the rate of that.
-        q, v: (k,) of all joints; `free` of them move by themselves.
+        place: as it has it.
+        J, J_rate: (6, k) Jacobian of the tip, and its rate.
+        v: (k,) of all joints; `free` of them move by themselves.
         clock: of the simulator [s].
         h: step of the plant [s].
     """
     if model.joints:
-        terms = model.terms(q[free], v[free], clock)
+        terms = model.terms(place, clock, v[free])
         J_phi, gamma = ca.SX.zeros(1, v.shape[0]), terms.drift
         J_phi[0, free] = terms.normal
     else:
-        terms = model.terms(tip, J @ v, clock)
-        J_phi = terms.normal @ J
-        gamma = terms.drift + terms.normal @ (J_rate @ v)
+        on = J[model.on, :]
+        terms = model.terms(place, clock, on @ v)
+        J_phi = terms.normal @ on
+        gamma = terms.drift + terms.normal @ (J_rate[model.on, :] @ v)
     closing = J_phi @ v + terms.by_time
     return J_phi, gamma / 2 + closing / h + terms.distance / h**2

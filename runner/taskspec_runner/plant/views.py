@@ -24,6 +24,7 @@ class PlantViews:
         mechanism_positions: (mechanisms,) coordinates at the tick [rad, m].
         mechanism_rates: (mechanisms,) their rates at the tick [rad/s, m/s].
         mechanism_efforts: (mechanisms,) what the robot applies to each coordinate [N m, N].
+        bushings: (6 bushings,) what the robot applies to each, in its axes [N, N m].
         loose: (7 bodies,) position [m] and quaternion (w x y z) of each loose body at the tick.
     """
 
@@ -33,6 +34,7 @@ class PlantViews:
     mechanism_positions: Vector
     mechanism_rates: Vector
     mechanism_efforts: Vector
+    bushings: Vector
     loose: Vector
 
     @classmethod
@@ -51,6 +53,7 @@ def view_fields(task: Task) -> list[tuple[str, int]]:
         "mechanism_positions": mechanisms,
         "mechanism_rates": mechanisms,
         "mechanism_efforts": mechanisms,
+        "bushings": 6 * len(task.bushings),
         "loose": 7 * sum(shape.free for shape in task.shapes.values()),
     }
     return [(field.name, lengths[field.name]) for field in fields(PlantViews)]

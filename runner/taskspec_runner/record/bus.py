@@ -69,6 +69,7 @@ class Bus:
             truth.mechanism_positions,
             truth.mechanism_rates,
             truth.mechanism_efforts,
+            truth.bushings,
             truth.loose,
         ):
             unknown[:] = np.nan

@@ -182,6 +182,11 @@ def _unmeasured(task: Task) -> Iterator[str]:
             signals = OBJECT[declared.kind].items()
             yield from (f"{owner}.{name}" for name, signal in signals if signal.unmeasured)
             continue
+        if owner in task.bushings:
+            yield from (
+                f"{owner}.{name}" for name in OBJECT[declared.kind] if "position" not in name
+            )
+            continue
         shape = task.shapes.get(owner)
         known = shape is not None and not shape.free and shape.on is None
         still = ("gap",) if known else ()

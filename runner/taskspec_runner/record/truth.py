@@ -15,6 +15,7 @@ from taskspec.geometry.axis import AXES
 from taskspec.program.bound import RowFunction
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import frames, kinematics
+from taskspec.program.world.bushings import bushing_models
 from taskspec.program.world.equations import equation_models
 from taskspec.program.world.mechanisms import mechanism_models
 from taskspec.program.world.moving_base import moving_bases
@@ -190,10 +191,15 @@ def _objects(robot: RobotModel, task: Task, symbols: Mapping[str, ca.SX]) -> dic
         gap = kinematics.gap(robot, frames.surface(shape), place, turned)
         found[name] = ObjectState("shape", gap, effort=symbols["objects"][i])
     for i, (name, model) in enumerate(equation_models(task).items()):
-        x = symbols["q"] if model.joints else p
-        distance = model.terms(x, ca.SX.zeros(x.shape[0]), clock).distance
+        distance = model.terms(model.place(symbols["q"], p, axes), clock).distance
         kind = task.equations[name].kind
         found[name] = ObjectState(kind, distance, effort=symbols["equations"][i])
+    for i, (name, bushing) in enumerate(bushing_models(task).items()):
+        found[name] = ObjectState(
+            "bushing",
+            displacement=bushing.coordinates(p, axes),
+            wrench=symbols["bushings"][6 * i : 6 * i + 6],
+        )
     for i, (name, mechanism) in enumerate(task.mechanisms.items()):
         place = symbols["mechanism_positions"][i]
         travel = mechanism.lead * place if mechanism.angular else place

@@ -37,7 +37,7 @@ def equation_surfaces(models: Iterable[EquationModel], tip: Vector) -> list[Draw
         models: the equations.
         tip: (n, 3) the tool's path [m], around which a surface is shown.
     """
-    found = [_surface(model, tip) for model in models if not model.joints]
+    found = [_surface(model, tip) for model in models if not (model.joints or model.turns)]
     return [surface for surface in found if surface is not None]
 
 

@@ -244,7 +244,7 @@ def tangents(normal: ca.SX, towards: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 def equation_generator(contact: ContactRow, effect: ca.SX) -> Generator:
     """The generator of an equation: of either sign where it holds in both directions."""
-    both_ways = "moment" if contact.joints else "free"
+    both_ways = "moment" if contact.angular else "free"
     kind = both_ways if contact.both_ways else "normal"
     return Generator(effect, contact.J.T, 0.0, kind, contact.name)
 

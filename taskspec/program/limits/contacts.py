@@ -40,7 +40,7 @@ class ContactRow:
         pressed: the stage keeps this contact: its force may not turn into a pull.
         both_ways: it returns forces of either sign.
         stiffness: nominal [N/m].
-        joints: whether it is on the joints rather than on the tip.
+        angular: whether its multiplier is a moment [N m].
         friction: its coefficient.
         others: what the tip bears beside it, friction included: the part along this row, and the
             size [N].
@@ -55,7 +55,7 @@ class ContactRow:
     pressed: bool
     both_ways: bool
     stiffness: float
-    joints: bool = False
+    angular: bool = False
     friction: float = 0.0
     others: tuple[ca.SX, ca.SX] = (ca.SX(0), ca.SX(0))
 
@@ -190,5 +190,5 @@ def equation_contact(row: EquationRow, name: str, measured: ca.SX, stiffness: fl
         pressed=relation != "=",
         both_ways=relation == "=",
         stiffness=stiffness,
-        joints=row.model.joints,
+        angular=row.model.angular,
     )

@@ -152,7 +152,7 @@ def _push_bounds(
     contact: ContactRow, cap: float | None, mass: ca.SX, period: float
 ) -> tuple[ca.SX, ca.SX] | None:
     """Bounds of one multiplier; None where it has none."""
-    free = cap is None or contact.joints
+    free = cap is None or contact.angular
     if free and not contact.pressed:
         return None
     lower = ca.SX(0) if contact.pressed else ca.SX(-ca.inf)

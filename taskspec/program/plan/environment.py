@@ -1,4 +1,4 @@
-"""What the environment returns on the axes of a stage: stiffness of contacts, grips, equations."""
+"""What the environment returns on the axes of a stage: contacts, grips, equations, bushings."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ from taskspec.program.world.stiffness import GRIP
 from taskspec.shapes.solid import half_sizes, rounding, touched_whole
 
 Vector = NDArray[np.float64]
+
+#: What is left of a stiffness by rounding, as a share of the largest.
+_ROUNDING = 1e-12
 
 
 class StageEnvironment:
@@ -52,8 +55,44 @@ class StageEnvironment:
         return self._stiffness(self._contacts.main)
 
     def stiffness_of(self, axis: Axis) -> float:
-        """Nominal stiffness [N/m] of what a force on an axis acts on, 0 without any."""
-        return self._stiffness(self._contacts.of(axis) or self.bearers.get(axis))
+        """Nominal stiffness of what acts on an axis [N/m], 0 without any.
+
+        That of a contact, of the grip, and along the axis of bushings; about an axis that of these
+        alone [N m/rad].
+        """
+        contact = self._contacts.of(axis) or self.bearers.get(axis)
+        return (0.0 if axis.is_rotation else self._stiffness(contact)) + self._bushed(axis)
+
+    @cached_property
+    def bushings(self) -> Vector:
+        """(6, 6) nominal stiffness of all bushings at the control point, in the stage's axes.
+
+        As they are where the run begins [N/m, N/rad, N m/rad].
+        """
+        return sum(self._each_bushing.values(), np.zeros((6, 6)))
+
+    def springs(self, axis: Axis) -> tuple[str, ...]:
+        """The bushings that return anything along or about an axis."""
+        return tuple(name for name, K in self._each_bushing.items() if K[axis.row].any())
+
+    @cached_property
+    def _each_bushing(self) -> dict[str, Vector]:
+        context, kinematics = self._context, self._kinematics
+        R = kinematics.rotation
+        about = np.cross(kinematics.lever, R, axisb=0, axisc=0)
+        moved = np.block([[R, about], [np.zeros((3, 3)), R]])
+        found = {}
+        for name, model in context.bushings.items():
+            J = model.spring(context.start_p, context.start_R).J @ moved
+            K = J.T @ model.stiffness @ J
+            found[name] = np.where(np.abs(K) > _ROUNDING * np.abs(K).max(), K, 0.0)
+        return found
+
+    def _bushed(self, axis: Axis) -> float:
+        """Stiffness of the bushings along or about an axis [N/m, N m/rad]."""
+        if not self._context.bushings:
+            return 0.0
+        return float(self.bushings[axis.row, axis.row])
 
     def _stiffness(self, contact: str | None) -> float:
         if contact is not None:
@@ -91,7 +130,10 @@ class StageEnvironment:
         if not self._contacts.gripped:
             reach = context.robot.tool.reach
             return {
-                a: self.stiffness_of(a) * reach**2 if a.is_rotation else self.stiffness_of(a)
+                a: self._stiffness(self._contacts.of(a) or self.bearers.get(a)) * reach**2
+                + self._bushed(a)
+                if a.is_rotation
+                else self.stiffness_of(a)
                 for a in kinematics.axes
             }
         open_ways = np.zeros((2, 3))
@@ -107,7 +149,7 @@ class StageEnvironment:
                 k = GRIP.angular_stiffness + k * float(
                     np.sum(np.cross(axis, kinematics.lever) ** 2)
                 )
-            found[a] = 0.0 if free else k
+            found[a] = (0.0 if free else k) + self._bushed(a)
         return found
 
     def grip_damping(self, axis: Axis) -> float:

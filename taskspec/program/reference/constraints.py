@@ -55,13 +55,13 @@ def equation_rows(
     """All equations of the world, by name, for the tip's kinematics in the world."""
     rows = {}
     for name, model in models.items():
+        rate = model.rate(v, terms.twist)
+        at = model.terms(model.place(q, terms.p, terms.R), clock, rate)
         if model.joints:
-            at = model.terms(q, v, clock)
             J, gamma = at.normal, at.drift
         else:
-            at = model.terms(terms.p, terms.twist[:3], clock)
-            J = at.normal @ terms.J[:3, :]
-            gamma = at.drift + at.normal @ terms.drift[:3]
+            J = at.normal @ terms.J[model.on, :]
+            gamma = at.drift + at.normal @ terms.drift[model.on]
         rows[name] = EquationRow(model, at, J, gamma, J @ v + at.by_time)
     return rows
 
@@ -69,8 +69,8 @@ def equation_rows(
 def reactions(rows: Mapping[str, EquationRow], wrench: ca.SX, sensed: ca.SX) -> dict[str, ca.SX]:
     """The force of the robot along each equation's unit gradient, as measured [N, N m].
 
-    On the tip it is the part of the measured force that the normals span, on joints what is sensed
-    there.
+    On the tip it is the part of the measured force that the normals span, or of the measured wrench
+    where one of them is on its rotation too; on joints what is sensed there.
 
     Args:
         rows: the equations.
@@ -79,11 +79,20 @@ def reactions(rows: Mapping[str, EquationRow], wrench: ca.SX, sensed: ca.SX) -> 
     """
     found = {name: sensed[i] for i, (name, row) in enumerate(rows.items()) if row.model.joints}
     tip = [name for name, row in rows.items() if not row.model.joints]
+    turns = any(rows[name].model.turns for name in tip)
     if tip:
-        N = ca.vertcat(*(rows[name].terms.normal for name in tip))
-        parts = spread(N, opposite(wrench[:3]))
+        N = ca.vertcat(*(_on_tip(rows[name], turns) for name in tip))
+        # Moments count as forces at an arm's length, so that the sum of squares has one unit.
+        scale = ca.DM([1.0] * 3 + [1.0 / ARM_LENGTH] * (3 if turns else 0))
+        parts = spread(N @ ca.diag(scale) if turns else N, opposite(wrench[: N.shape[1]]) * scale)
         found |= {name: parts[i] for i, name in enumerate(tip)}
     return found
+
+
+def _on_tip(row: EquationRow, turns: bool) -> ca.SX:
+    """(1, 3) a unit gradient on the tip, (1, 6) if another one is on its rotation."""
+    normal = row.terms.normal
+    return ca.horzcat(normal, ca.SX(1, 3)) if turns and not row.model.turns else normal
 
 
 def spread(N: ca.SX, wrench: ca.SX) -> ca.SX:
@@ -119,7 +128,7 @@ def equation_gains(
         inverse = float((normals * np.linalg.solve(context.start_inertia, normals)).sum(0).max())
         h = 1.0 / inverse if inverse > 0 else 1.0
         plant = AxisPlant(h=h, held=h, k=context.compliances[name].stiffness, period=context.period)
-        for gain, value in law.design_equation(model.joints, plant, worth).items():
+        for gain, value in law.design_equation(model.angular, plant, worth).items():
             gains.setdefault(gain, {})[name] = value
     return gains
 

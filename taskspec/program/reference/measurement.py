@@ -141,6 +141,10 @@ def measure(plan: StagePlan) -> Measurement:
             name: ObjectState(kinds[name], row.terms.distance, effort=measured[name])
             for name, row in rows.items()
         },
+        **{
+            name: ObjectState("bushing", displacement=bushing.coordinates(world.p, world.R))
+            for name, bushing in context.bushings.items()
+        },
         **mechanism_state(tracked, context.held, world, inputs.wrench),
     }
     return Measurement(

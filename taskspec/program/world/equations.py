@@ -3,9 +3,18 @@
 Whatever the scale of r, forces and distances are taken along its unit gradient n = r_x / |r_x|, so
 that a set point is in newtons and the distance r / |r_x| in metres. On joints n is a direction of
 joint space, the force a moment, and the distance an angle.
+
+Where r depends on the tip's rotation, r_x is its derivative along twists (v; w) of the tip in the
+world. Its two parts have different units, and no length joins them that the file has not stated: if
+r depends on the tip's place too, |r_x| is the length of the first part alone. The distance is then
+that along the place with the rotation as it is, the force that along the same line, and the moment
+about the tip is this force times the second part over the first. Of an r of rotations alone |r_x|
+is the length of the second part; distance and force are an angle and a moment.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
@@ -13,7 +22,10 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.expression.tree import Name, walk
+from taskspec.geometry import rotation as so3
+from taskspec.geometry.axis import ROTATIONS, TRANSLATIONS
 from taskspec.program.algebra import CasadiAlgebra, constants
+from taskspec.program.world import tip_pose
 from taskspec.program.world.frames import FrameModel, resolve
 from taskspec.robot import RobotModel
 from taskspec.robot.rigid_body import rigid_body
@@ -25,6 +37,8 @@ Vector = NDArray[np.float64]
 _SQUARED_GRADIENT_FLOOR = 1e-30
 #: A gradient that turns by less than this is one of a flat surface [rad].
 _FLAT = 1e-3
+#: A gradient that turns by more than this per radian of a turn is singular: at 3 deg from there.
+_TURNED_OVER = 20.0
 #: Directions across a gradient, and turns into each of them, in which it is sampled.
 _TANGENTS, _ANGLES = 12, 9
 
@@ -36,9 +50,12 @@ class EquationModel:
     Attributes:
         name: of the object.
         constraint: as the file states it.
-        joints: (n,) joint positions are its place, else the (3,) tool tip in the world.
-        rotation, origin: (3, 3), (3,) of the frame in which x, y and z count.
+        rotation, origin: (3, 3), (3,) of the frame in which x, y, z, rx, ry and rz count.
         params: numbers that it may use.
+        axes: (3, 3) of each other fixed frame, whose axes it may name.
+
+    Its place is the (n,) joint positions, the (3,) tip in the world, or if it `turns` the (12,)
+    pose of the tip as `tip_pose` has it, whose rate is a twist.
     """
 
     name: str
@@ -46,6 +63,7 @@ class EquationModel:
     rotation: NDArray[np.float64]
     origin: NDArray[np.float64]
     params: dict[str, float]
+    axes: Mapping[str, NDArray[np.float64]]
 
     @property
     def joints(self) -> bool:
@@ -58,33 +76,73 @@ class EquationModel:
         nodes = walk(self.constraint.residual.tree)
         return any(isinstance(node, Name) and node.path == ("clock",) for node in nodes)
 
+    @property
+    def turns(self) -> bool:
+        """Whether its place is a pose of the tip."""
+        return self.constraint.turns
+
+    @property
+    def angular(self) -> bool:
+        """Whether its distance is an angle [rad], and its force a moment [N m]."""
+        return self.constraint.angular
+
+    @property
+    def on(self) -> slice:
+        """Of the rows of the tip's Jacobian those that its unit gradient multiplies."""
+        return slice(0, 6 if self.turns else 3)
+
+    def place(self, q: ca.SX, p: ca.SX, R: ca.SX) -> ca.SX:
+        """Its place, of joints q (n,) and a tip at p (3,) with axes R (3, 3)."""
+        if self.joints:
+            return q
+        return tip_pose.pose(p, R) if self.turns else p
+
+    def rate(self, v: ca.SX, twist: ca.SX) -> ca.SX:
+        """The rate of its place, of joints that move with v (n,) and a tip with a twist (6,)."""
+        return v if self.joints else twist[self.on]
+
     def residual(self, place: ca.SX, clock: ca.SX) -> ca.SX:
-        """r, left minus right, at a place (3,) or (n,) and time [s]."""
+        """r, left minus right, at a place (3,), (12,) or (n,) and time [s]."""
         algebra = CasadiAlgebra(None, 0.0)
         known = {**constants(self.params), "clock": clock}
         if self.joints:
             known |= {f"q{i + 1}": place[i] for i in range(place.shape[0])}
         else:
-            local = ca.DM(self.rotation.T) @ (place - ca.DM(self.origin))
-            known |= {axis: local[i] for i, axis in enumerate("xyz")}
+            local = ca.DM(self.rotation.T) @ (place[:3] - ca.DM(self.origin))
+            known |= {axis: local[i] for i, axis in enumerate(TRANSLATIONS)}
+        axes = {name: ca.SX(ca.DM(R)) for name, R in self.axes.items()}
+        if self.turns:
+            axes["tool"] = tip_pose.axes(place)
+            turned = so3.log(ca.DM(self.rotation.T) @ axes["tool"])
+            known |= {axis: turned[i] for i, axis in enumerate(ROTATIONS)}
 
         def lookup(name: Name) -> ca.SX:
-            return known[name.path[0]]
+            head, *axis = name.path
+            return axes[head][:, "xyz".index(axis[0])] if axis else known[head]
 
         return algebra.translate(self.constraint.residual, lookup)
 
-    def terms(self, place: ca.SX, rate: ca.SX, clock: ca.SX) -> EquationTerms:
-        """What control and plant need of it at a place that changes at `rate`, (4.125)-(4.128)."""
+    def terms(self, place: ca.SX, clock: ca.SX, rate: ca.SX | None = None) -> EquationTerms:
+        """What control and plant need of it, (4.125)-(4.128).
+
+        Args:
+            place: as `place` has it.
+            clock: time [s].
+            rate: of the place, as `rate` has it; None at rest.
+        """
+        rate = ca.SX.zeros(6 if self.turns else place.shape[0]) if rate is None else rate
         x, t = ca.SX.sym("x", place.shape[0]), ca.SX.sym("t")
-        dx = ca.SX.sym("dx", place.shape[0])
+        dx = ca.SX.sym("dx", rate.shape[0])
         r = self.residual(x, t)
-        r_x, r_t = ca.jacobian(r, x), ca.jacobian(r, t)
-        along = ca.vertcat(dx, 1)
+        r_x = tip_pose.jacobian(r, x) if self.turns else ca.jacobian(r, x)
+        r_t = ca.jacobian(r, t)
+        along = ca.vertcat(tip_pose.rate(x, dx) if self.turns else dx, 1)
         # The second derivative along (x', 1) holds the mixed term twice.
         drift = ca.jtimes(ca.jtimes(r, ca.vertcat(x, t), along), ca.vertcat(x, t), along)
         found = ca.Function("terms", [x, dx, t], [r, r_x, r_t, drift])
         value, gradient, by_time, bend = found(place, rate, clock)
-        scale = ca.sqrt(ca.sumsqr(gradient) + _SQUARED_GRADIENT_FLOOR)
+        measured = gradient if self.joints else gradient[3 if self.angular else 0 :][:3]
+        scale = ca.sqrt(ca.sumsqr(measured) + _SQUARED_GRADIENT_FLOOR)
         return EquationTerms(
             distance=value / scale,
             normal=gradient / scale,
@@ -99,15 +157,20 @@ class EquationModel:
         Of an equation on the tip, J_phi is its unit gradient times the Jacobian of the tip.
         """
         q, clock = ca.SX.sym("q", robot.n), ca.SX.sym("clock")
-        place = q if self.joints else rigid_body(robot).tip(q)[0]
-        at = self.terms(place, ca.SX.zeros(place.shape[0]), clock)
-        J = at.normal if self.joints else at.normal @ ca.jacobian(place, q)
+        p, R = (q, q) if self.joints else rigid_body(robot).tip(q)
+        place = self.place(q, p, R)
+        at = self.terms(place, clock)
+        J = ca.jacobian(self.residual(place, clock), q) / at.scale
         return ca.Function("on_joints", [q, clock], [at.distance, ca.densify(J)])
 
-    def unit_normal(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(3,) or (n,) gradient at a place when the task begins, divided by its length."""
-        terms = self.terms(ca.SX(ca.DM(place)), ca.SX.zeros(len(place)), ca.SX(0))
-        return np.array(ca.evalf(terms.normal)).ravel()
+    def unit_normal(self, place: ca.SX) -> NDArray[np.float64]:
+        """(3,), (6,) or (n,) unit gradient at a place of numbers when the task begins."""
+        return np.array(ca.evalf(self.terms(place, ca.SX(0)).normal)).ravel()
+
+    def turning(self, terms: EquationTerms, place: ca.SX) -> ca.SX:
+        """(d, d) change of the unit gradient with the place, of terms at these symbols."""
+        along = tip_pose.jacobian if self.turns else ca.jacobian
+        return along(terms.normal.T, place)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +179,7 @@ class EquationTerms:
 
     Attributes:
         distance: r / |r_x| [m, rad], to first order the distance from the constraint.
-        normal: (1, d) r_x / |r_x|.
+        normal: (1, d) r_x / |r_x|; of a tip that turns also along its rotation [m/rad].
         by_time: r_t / |r_x| [m/s, rad/s].
         drift: (x'^T r_xx x' + 2 r_xt x' + r_tt) / |r_x|, without the curvature of the path from
             the joints to the place [m/s^2, rad/s^2].
@@ -136,10 +199,13 @@ def equation_models(
     """All equations of a task, by name; their frames are known to be fixed."""
     frames = resolve(task) if frames is None else frames
     params = {name: quantity.value for name, quantity in task.params.items()}
+    axes = {name: frame.rotation for name, frame in frames.items()}
     found = {}
     for name, declared in task.equations.items():
         frame = frames[declared.frame or "world"]
-        found[name] = EquationModel(name, declared.equation, frame.rotation, frame.origin, params)
+        found[name] = EquationModel(
+            name, declared.equation, frame.rotation, frame.origin, params, axes
+        )
     return found
 
 
@@ -158,7 +224,7 @@ def reaction(
     Args:
         model: the equation.
         terms: at the place.
-        rate: of the place (3,) or (n,).
+        rate: of the place.
         stiffness, damping: of the constraint.
     """
     closing = terms.normal @ rate + terms.by_time
@@ -180,8 +246,10 @@ class StartEquation:
         normal: (n,) unit normal on the joints' rates.
         rate: at which it moves away by itself, -r_t / |r_x| [m/s, rad/s].
         scale: |r_x|.
-        gradient: (3,) unit gradient at the tip, world axes; None of an equation on joints.
+        gradient: (3,) unit gradient at the tip, world axes; None of an equation that is not on the
+            tip's place alone.
         bend: (3, 3) its change with the tip's place [1/m].
+        singular: the gradient of one on the tip's rotation turns over with the slightest turn.
     """
 
     distance: float
@@ -190,6 +258,7 @@ class StartEquation:
     scale: float
     gradient: NDArray[np.float64] | None
     bend: NDArray[np.float64] | None = None
+    singular: bool = False
 
     def gradients_within(self, distance: float) -> NDArray[np.float64]:
         """(3, k) unit gradients at the tip of a curved equation within a distance [m].
@@ -212,26 +281,36 @@ class StartEquation:
         return np.array(found).T
 
 
-def at_start(model: EquationModel, start: Vector, p: Vector, J: Vector) -> StartEquation:
-    """An equation at the start pose: joints `start` (n,), tip at p (3,) with Jacobian J (6, n)."""
-    at = start if model.joints else p
-    place = ca.SX.sym("place", len(at))
-    terms = model.terms(place, ca.SX.zeros(len(at)), ca.SX(0))
+def at_start(model: EquationModel, start: Vector, p: Vector, R: Vector, J: Vector) -> StartEquation:
+    """An equation at the start pose.
+
+    Args:
+        model: the equation.
+        start: (n,) joints.
+        p, R: (3,), (3, 3) pose of the tip.
+        J: (6, n) its Jacobian.
+    """
+    at = ca.evalf(model.place(ca.SX(start), ca.SX(p), ca.SX(R)))
+    place = ca.SX.sym("place", at.shape[0])
+    terms = model.terms(place, ca.SX(0))
     found = ca.Function(
         "at_start",
         [place],
         [
             *(terms.distance, terms.normal, -terms.by_time, terms.scale),
-            ca.jacobian(terms.normal, place),
+            model.turning(terms, place),
         ],
     )
     distance, unit, rate, scale, bend = found(at)
     normal = np.array(unit).ravel()
+    on_place = not (model.joints or model.turns)
+    turnover = np.array(bend)[3:, 3:] if model.turns else np.zeros(1)
     return StartEquation(
         distance=float(distance),
-        normal=normal if model.joints else normal @ J[:3],
+        normal=normal if model.joints else normal @ J[model.on],
         rate=float(rate),
         scale=float(scale),
-        gradient=None if model.joints else normal,
-        bend=None if model.joints else np.array(bend),
+        gradient=normal if on_place else None,
+        bend=np.array(bend) if on_place else None,
+        singular=float(np.abs(turnover).max()) > _TURNED_OVER * float(np.abs(normal).max()),
     )

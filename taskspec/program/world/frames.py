@@ -162,6 +162,10 @@ def resolve(task: Task) -> dict[str, FrameModel]:
         frames[name] = FrameModel(name, "fixed", R, origin, owner=name, described=described)
     for model in mechanism_models(task).values():
         frames |= _of_mechanism(model)
+    for name, bushing in task.bushings.items():
+        R, origin = pose(bushing)
+        described = "the tip's axes at rest, with the origin where it is at rest"
+        frames[name] = FrameModel(name, "fixed", R, origin, owner=name, described=described)
     # An equation's frame is the one in which its coordinates count.
     frames |= {name: frames["world"] for name, e in task.equations.items() if e.frame is None}
     pending = dict(task.frames)

@@ -70,13 +70,22 @@ def check_equations(
                 loaded.span(FILE.world[name].frame),
                 "write it in a frame that is fixed in the world",
             )
-        if not declared.equation.joints:
-            continue
         residual, joints = declared.equation.residual, robot.n
         for node in walk(residual.tree):
-            if isinstance(node, Name) and _joint_of(node) > joints:
+            if not isinstance(node, Name):
+                continue
+            if declared.equation.joints and _joint_of(node) > joints:
                 message = f"{robot.name!r} has {joints} joints, q1 to q{joints}"
                 found.error("TS314", message, residual.where(node))
+            named = frames[node.path[0]] if len(node.path) == 2 else None
+            if named is not None and named.kind not in ("fixed", "tool"):
+                found.error(
+                    "TS247",
+                    f"equation {name!r} names an axis of {named.name!r}, which "
+                    f"{_NOT_FIXED.get(named.kind, 'moves')}",
+                    residual.where(node),
+                    "name an axis of the tool, or of a frame that is fixed in the world",
+                )
     if found.has_errors:
         raise SpecError(found.sorted(), loaded.sources)
 

@@ -28,8 +28,8 @@ IMPRATIO = 100.0
 CUT_IMPRATIO = 1e4
 #: `rigid` is a contact that turns half a radian of its own oscillation in one step of the plant.
 RIGID_PHASE = 0.5
-#: The inertia [kg m^2] for which an equation on joints has a tenth of critical damping.
-JOINT_UNIT = 0.05
+#: The inertia [kg m^2] for which an equation on angles has a tenth of critical damping.
+ANGULAR_UNIT = 0.05
 #: Beyond this many radians in a step the plant does not resolve the contact any more.
 RESOLVED_PHASE = 1.0
 
@@ -120,10 +120,10 @@ def equation_compliance(
         plant_period: step of the plant [s].
 
     Returns:
-        In N/m and N s/m; for an equation on joints in N m/rad and N m s/rad.
+        In N/m and N s/m; for an equation on angles alone in N m/rad and N m s/rad.
     """
     mass = equation_mass(model, robot, start)
-    unit = JOINT_UNIT if model.joints else 1.0
+    unit = ANGULAR_UNIT if model.angular else 1.0
     return _meant(declared.stiffness, declared.damping, mass, plant_period, unit)
 
 
@@ -156,18 +156,21 @@ def mass_along(robot: RobotModel, q: Vector, normal: Vector) -> float:
 
 
 def equation_mass(model: EquationModel, robot: RobotModel, q: Vector) -> float:
-    """The mass [kg], on joints the inertia [kg m^2], at q (n,) along an equation's unit gradient.
+    """The mass [kg], on angles the inertia [kg m^2], at q (n,) along an equation's unit gradient.
 
     Where the arm cannot move along it, or where there is none, the mean over what it can.
     """
+    twin = robot.twin()
+    tip = twin.tip(q)
+    place = model.place(ca.SX(q), ca.SX(tip.translation), ca.SX(tip.rotation))
     if model.joints:
-        H = robot.twin().inertia(q)
-        place, mobility = q, np.asarray(np.linalg.inv(H), dtype=np.float64)
+        mobility = np.asarray(np.linalg.inv(twin.inertia(q)), dtype=np.float64)
+    elif model.turns:
+        J = twin.jacobian(q)
+        mobility = J @ np.linalg.solve(twin.inertia(q), J.T)
     else:
-        place, mobility = _tip(robot, q)
-    x = ca.SX(ca.DM(place))
-    normal = model.terms(x, ca.SX.zeros(x.shape[0]), ca.SX(0)).normal
-    return _along(np.array(ca.evalf(normal)).ravel(), mobility)
+        mobility = _tip(robot, q)[1]
+    return _along(model.unit_normal(place), mobility)
 
 
 def _along(a: Vector, mobility: Vector) -> float:

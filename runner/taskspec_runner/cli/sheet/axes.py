@@ -45,7 +45,7 @@ def equation_row(program: Program, stage: CompiledStage, name: str) -> AxisRow:
     model = program.context.equations[name]
     declared = program.context.loaded.task.equations[name]
     side = "" if model.constraint.relation == "=" else " (pushes only)"
-    artificial = f"{'m' if model.joints else 'f'} = {_set_point(wanted)} along its gradient"
+    artificial = f"{'m' if model.angular else 'f'} = {_set_point(wanted)} along its gradient"
     return AxisRow(name, f"{declared.equation}{side}", artificial, "force control")
 
 
@@ -104,6 +104,9 @@ def _natural_force(program: Program, world: Natural, screw: bool) -> str:
         effort = f"{world.by}.{'torque' if angular else 'force'}"
         return f"{own} = {_product(effort, world.effort, lever)}{_signed(total)}"
     by = f" ({world.by})" if world.by else ""
+    if world.springs:
+        spring = f"{own} of the spring{total and _signed(total)}"
+        return f"{spring}{f' +- {rubs}' if rubs else ''} ({', '.join(world.springs)})"
     return f"{own} = {total or '0'}{f' +- {rubs}' if rubs else ''}{by}"
 
 

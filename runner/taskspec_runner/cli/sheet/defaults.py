@@ -11,7 +11,7 @@ from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.stiffness import Compliance
 from taskspec.robot.tool import LENGTH
 from taskspec.shapes import tool_shapes
-from taskspec.spec import EquationObject, Mechanism, Robot, Shape, Task
+from taskspec.spec import Bushing, EquationObject, Mechanism, Robot, Shape, Task
 from taskspec.text.nodes import find
 from taskspec.text.units import DAMPING, INERTIA, MASS, STIFFNESS, scaled, show
 
@@ -98,6 +98,9 @@ def _start(robot: Robot, *, vertical: bool) -> Iterator[tuple[str, str]]:
 def _world(program: Program) -> Iterator[tuple[str, str]]:
     context = program.context
     for name, declared in context.loaded.task.world.items():
+        if isinstance(declared, Bushing):
+            yield from _bushing(name, declared)
+            continue
         if not isinstance(declared, EquationObject):
             left_out = (key for key in ("xyz", "rpy") if key not in declared.model_fields_set)
             yield from ((f"world.{name}.{key}", "[0, 0, 0]") for key in left_out)
@@ -108,16 +111,24 @@ def _world(program: Program) -> Iterator[tuple[str, str]]:
         yield from ((f"world.{name}.{key}", value) for key, value in found)
 
 
+def _bushing(name: str, declared: Bushing) -> Iterator[tuple[str, str]]:
+    if "rpy" not in declared.model_fields_set:
+        yield f"world.{name}.rpy", "pointing down"
+    if declared.damping is None:
+        yield f"world.{name}.damping", "a tenth of critical for 1 kg and 0.05 kg*m^2"
+
+
 def _compliant(declared: Shape | EquationObject, contact: Compliance) -> Iterator[tuple[str, str]]:
     """Of something that is touched, or of an equation."""
     given = declared.model_fields_set
-    joints = isinstance(declared, EquationObject) and declared.equation.joints
-    if isinstance(declared, EquationObject) and not joints and "frame" not in given:
+    equation = declared.equation if isinstance(declared, EquationObject) else None
+    angular = equation is not None and equation.angular
+    if equation is not None and not equation.joints and "frame" not in given:
         yield "frame", "world"
     if "stiffness" not in given:
-        yield "stiffness", scaled(contact.stiffness, STIFFNESS.on(rotation=joints))
+        yield "stiffness", scaled(contact.stiffness, STIFFNESS.on(rotation=angular))
     if "damping" not in given and not contact.exact:
-        yield "damping", show(contact.damping, DAMPING.on(rotation=joints))
+        yield "damping", show(contact.damping, DAMPING.on(rotation=angular))
     if isinstance(declared, Shape) and "friction" not in given:
         yield "friction", "0"
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from taskspec.geometry.axis import AXES
 from taskspec.program.program import Program
+from taskspec.program.world.bushings import BushingModel
 from taskspec.program.world.stiffness import Compliance
-from taskspec.spec import EquationObject, Hinge, Mechanism, Screw, Shape, Slide
+from taskspec.spec import Bushing, EquationObject, Hinge, Mechanism, Screw, Shape, Slide
 from taskspec.spec.mechanism import Detent
 from taskspec.text.units import (
     DAMPING,
@@ -29,6 +31,8 @@ def object_rows(program: Program) -> Iterator[tuple[str, str]]:
             yield name, ", ".join(_shape(declared, context.compliances[name]))
         elif isinstance(declared, EquationObject):
             yield name, ", ".join(_equation(declared, context.compliances[name]))
+        elif isinstance(declared, Bushing):
+            yield name, ", ".join(_bushing(context.bushings[name]))
         else:
             yield name, ", ".join(_mechanism(declared))
 
@@ -46,16 +50,27 @@ def _shape(shape: Shape, contact: Compliance) -> Iterator[str]:
 
 
 def _equation(declared: EquationObject, contact: Compliance) -> Iterator[str]:
-    joints, relation = declared.equation.joints, declared.equation.relation
-    where = "on joints" if joints else f"in {declared.frame or 'world'}"
+    angular, relation = declared.equation.angular, declared.equation.relation
+    where = "on joints" if declared.equation.joints else f"in {declared.frame or 'world'}"
     yield f"{declared.equation} {where}"
     yield "holds both ways" if relation == "=" else "holds one way"
     if contact.exact:
         yield "exactly, by a multiplier"
         return
     rigid = " (rigid)" if declared.stiffness == "rigid" else ""
-    yield f"{scaled(contact.stiffness, STIFFNESS.on(rotation=joints))}{rigid}"
-    yield show(contact.damping, DAMPING.on(rotation=joints))
+    yield f"{scaled(contact.stiffness, STIFFNESS.on(rotation=angular))}{rigid}"
+    yield show(contact.damping, DAMPING.on(rotation=angular))
+
+
+def _bushing(model: BushingModel) -> Iterator[str]:
+    yield "bushing"
+    for matrix, dimension in ((model.stiffness, STIFFNESS), (model.damping, DAMPING)):
+        own = zip(AXES, matrix.diagonal(), strict=True)
+        yield " ".join(f"{a} {scaled(float(k), a.of(dimension))}" for a, k in own if k)
+    K = model.stiffness
+    coupled = [f"{AXES[j]} {AXES[i]} {K[j, i]:.6g}" for i in range(6) for j in range(i) if K[j, i]]
+    if coupled:
+        yield f"couples {', '.join(coupled)} (SI)"
 
 
 def _mechanism(declared: Mechanism) -> Iterator[str]:

@@ -77,17 +77,18 @@ def stability_sheet(program: Program, name: str) -> StabilitySheet | None:
 
 def _where(sampled: SampledStage) -> str:
     parts = [
-        f"{show(force, FORCE.on(rotation=_on_joints(sampled, name)), 3)} on {name}"
+        f"{show(force, FORCE.on(rotation=_angular(sampled, name)), 3)} on {name}"
         for name, force in sampled.pressed.items()
     ]
     held = sampled.stage.plan.contacts.held
     parts += [f"{held} held"] if held else []
+    parts += [f"on {name}" for name in sampled.context.bushings]
     parts = parts or ["nothing touched"]
     return f"{'in contact, ' if sampled.meets else ''}{', '.join(parts)}, at the start pose"
 
 
-def _on_joints(sampled: SampledStage, name: str) -> bool:
-    return name in sampled.context.equations and sampled.context.equations[name].joints
+def _angular(sampled: SampledStage, name: str) -> bool:
+    return name in sampled.context.equations and sampled.context.equations[name].angular
 
 
 def _poles(sampled: SampledStage, modes: tuple[Mode, ...]) -> Iterator[PoleRow]:

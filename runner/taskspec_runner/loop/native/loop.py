@@ -402,7 +402,7 @@ def _plant(record: TickMemory, plant: Plant) -> None:
             tip=equations.tip,
             tip_twist=equations.twist,
             on_tip=equations.on_tip,
-            nothing=equations.nothing,
+            about_tip=equations.about_tip,
             on_joints=equations.on_joints,
             applied_joints=equations.joints,
         )

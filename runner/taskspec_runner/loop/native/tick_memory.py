@@ -318,7 +318,7 @@ class TickMemory(Record):
     tip: Vector
     tip_twist: Vector
     on_tip: Vector
-    nothing: Vector
+    about_tip: Vector
     on_joints: Vector
     applied_joints: Vector
     rigid_clock: Vector

@@ -327,7 +327,7 @@ def _apply(c: TickMemory) -> None:
                 c.model,
                 c.data,
                 c.on_tip,
-                c.nothing,
+                c.about_tip,
                 c.tip,
                 c.tip_body,
                 c.applied_at,
