@@ -59,6 +59,7 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     "Frame.estimate": ("", ("normal",)),
     "Hinge.mechanism": ("Always this word", ()),
     "JointEquation.frame": ("", ("task",)),
+    "RotationEquation.frame": ("", ("task",)),
     "Law.kind": (_WORDS, ()),
     "Law.orientation": (_WORDS, ()),
     "Law.null_space": ("One of a few words, or a list of them", ("posture", ["joint-limits"])),
