@@ -274,8 +274,10 @@ _gain("force.integral", FREQUENCY, "integral gain of a force loop, where it vari
     meanings={
         "equation": "distance of the tip along the unit gradient, left minus right over its "
         "gradient; `.ref` is that of the joints' references",
+        "rotation equation": "the same of the tip's rotation",
         "joint equation": "the same in joint space",
         "exact equation": "its drift, as of an `equation`",
+        "exact rotation equation": "its drift, as of a `rotation equation`",
         "exact joint equation": "its drift, as of a `joint equation`",
     },
     beside=(REFERENCE,),
@@ -340,10 +342,15 @@ def _object_force(at: Situation, name: str) -> ca.SX | None:
 )
 @signal(
     "lambda",
-    of={"exact equation": FORCE, "exact joint equation": MOMENT},
+    of={
+        "exact equation": FORCE,
+        "exact rotation equation": MOMENT,
+        "exact joint equation": MOMENT,
+    },
     meanings={
         "exact equation": "the multiplier of (4.77) along the unit gradient, with the sign of "
         "`force`, of which it is the true value",
+        "exact rotation equation": "the same of the tip's rotation, with the sign of `torque`",
         "exact joint equation": "the same in joint space, with the sign of `torque`",
     },
     unmeasured="the robot does not know a multiplier; what it measures of it is the force or "
@@ -366,18 +373,21 @@ def _object_effort(at: Situation, name: str) -> ca.SX | None:
     return at.objects[name].effort
 
 
+_RESIDUALS = {
+    "equation": "what its constraint cannot make of its `generalised` set point: "
+    "the length of u_φ,d − J_φᵀ λ_d",
+    "rotation equation": "the same",
+    "joint equation": "the same",
+    "exact equation": "as of an `equation`",
+    "exact rotation equation": "as of a `rotation equation`",
+    "exact joint equation": "as of a `joint equation`",
+}
+
+
 @signal(
     "residual",
-    of=dict.fromkeys(
-        ("equation", "joint equation", "exact equation", "exact joint equation"), MOMENT
-    ),
-    meanings={
-        "equation": "what its constraint cannot make of its `generalised` set point: "
-        "the length of u_φ,d − J_φᵀ λ_d",
-        "joint equation": "the same",
-        "exact equation": "as of an `equation`",
-        "exact joint equation": "as of a `joint equation`",
-    },
+    of=dict.fromkeys(_RESIDUALS, MOMENT),
+    meanings=_RESIDUALS,
     low=0.0,
     output="reaction_residual",
     unmeasured="it says how a set point fits its constraint, which nothing measured changes; judge "
