@@ -106,8 +106,8 @@ class TruthDraft(WorkshopDraft):
         self.lag = lag
         return made
 
-    def stiff(self, low: float, high: float) -> dict[str, Value]:
-        return super().stiff(min(low, 1), max(high, 300))
+    def stiff(self, low: float, high: float, *, exact: float = 0.0) -> dict[str, Value]:
+        return super().stiff(min(low, 1), max(high, 300), exact=exact)
 
     def press(self, force: float) -> None:
         super().press(force)

@@ -42,7 +42,7 @@ def kind_of(folders: Path, number: int) -> str:
 
 
 def test_logs_that_are_cut_have_the_code_that_follows_from_the_file() -> None:
-    tally = faults.cuts(3)
+    tally = faults.cuts(5)
     assert tally.tried > 12
     assert tally.failures == []
 

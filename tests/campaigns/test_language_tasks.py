@@ -56,7 +56,7 @@ def test_nearly_all_files_are_read_but_those_with_a_slip_of_the_pen(tmp_path: Pa
 
 
 def test_the_files_cover_the_language() -> None:
-    drafts = [draft(0, number) for number in range(300)]
+    drafts = [draft(0, number) for number in range(480)]
     text = "\n".join(made.written() for made in drafts)
     words = [f"model: {arm}\n" for arm in ("planar2", "planar3", "ur5e", "panda")]
     words += [

@@ -279,6 +279,8 @@ def test_columns_of_the_log(simulate):
     for kind, signal, unit, *_ in table(LANGUAGE, "table: object signals"):
         for thing in (name for name, its in kinds.items() if its == words(kind)[0]):
             full = f"{thing}.{words(signal)[0]}"
+            if full.endswith(".residual"):
+                continue  # of stages with joint torques alone
             expected[full] = words(unit)[0]
             if "equation" in words(kind)[0] and not full.endswith(".gap"):
                 for name in beside:
