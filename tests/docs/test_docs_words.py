@@ -142,7 +142,8 @@ OBJECTS = {
     "equation": "ball: {equation: x = 520 mm}",
     "joint equation": "ball: {equation: q1 = 0}",
     "exact equation": "ball: {equation: y = 0, stiffness: exact}",
-    "exact rotation equation": "ball: {equation: 'angle(tool.z, world.x) = 90 deg', stiffness: exact}",
+    "exact rotation equation": "ball: {equation: 'angle(tool.z, world.x) = 90 deg', "
+    "stiffness: exact}",
     "exact joint equation": "ball: {equation: q1 = 0, stiffness: exact}",
     "rotation equation": "ball: {equation: 'angle(tool.z, world.x) >= 10 deg'}",
     "bushing": "ball: {bushing: tool, xyz: [520 mm, 0, 0], stiffness: [1 N/m, 0, 0, 0, 0, 0]}",
