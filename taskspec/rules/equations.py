@@ -77,11 +77,11 @@ def _begins_with_a_blow(
     The plant's first step would bring the mass along the gradient onto it, and its second stop it.
     """
     context, place = task.context, FILE.world[name].equation
-    joints, period = context.equations[name].joints, 1.0 / context.loaded.task.control.plant_rate
+    angular, period = context.equations[name].angular, 1.0 / context.loaded.task.control.plant_rate
     mass = equation_mass(context.equations[name], context.robot, context.start)
 
     def text(value: float, dimension: Dimension) -> str:
-        return show(value, dimension.on(rotation=joints), 3)
+        return show(value, dimension.on(rotation=angular), 3)
 
     if mass * abs(at.distance) / period**2 > TOUCHING:
         yield error(

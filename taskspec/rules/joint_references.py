@@ -43,7 +43,7 @@ def joints_off_a_constraint(stage: StagePlan) -> Iterator[Finding]:
         yield warning(
             "TS252",
             f"the references of the joints leave {name!r} by up to "
-            f"{show(float(off.max()), LENGTH.on(rotation=model.joints), 3)}, at "
+            f"{show(float(off.max()), LENGTH.on(rotation=model.angular), 3)}, at "
             f"t = {show(time, 's', 3)}: {wins if name in stage.active else presses}",
             FILE.stages[stage.name].path.joints,
             "plan joints that keep it, phi(q_d(t)) = 0 (4.101)",

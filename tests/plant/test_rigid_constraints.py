@@ -340,6 +340,36 @@ def test_the_summary_has_the_drift(tmp_path):
     assert "drift from rim: " in found.report.read_text()
 
 
+def test_one_on_the_rotation_turns_the_tip_and_both_loops_agree(tmp_path):
+    """The guide of a shipped task, without its springs: it turns the tool as it goes down."""
+    text = (TASKS / "spiral-guide.yaml").read_text("utf-8")
+    for spring in (
+        "stiffness: 10 kN/m, damping: 30 N*s/m",
+        "stiffness: 1 kN*m/rad, damping: 2 N*m*s/rad",
+    ):
+        assert text.count(spring) == 1
+        text = text.replace(spring, "stiffness: exact")
+    (tmp_path / "guide.yaml").write_text(text, "utf-8")
+    task = load(tmp_path / "guide.yaml")
+    found = {loop: run(task, tmp_path / loop, loop=loop) for loop in ("native", "python")}
+    logs = [(tmp_path / loop / "log.arrow").read_bytes() for loop in found]
+    assert logs[0] == logs[1]
+    made = found["native"]
+    assert made.passed
+    columns = made.history.columns
+    go = made.history.window("go")
+    assert len(columns["clock"][go]) > 1000
+    # The multipliers are the force along the spiral and the moment that levels the tool.
+    assert np.abs(columns["spiral.lambda"][go] - 5.0).max() < 0.02
+    assert np.abs(columns["level.lambda"][go] - 0.5).max() < 0.01
+    assert np.abs(columns["spiral.gap"]).max() < 1e-10
+    assert np.abs(columns["level.gap"]).max() < 1e-10
+    # An angle is written as one.
+    drift = made.summary["drift"]
+    assert drift["spiral"]["text"].endswith("m")
+    assert drift["level"]["text"].endswith("deg")
+
+
 def test_one_on_joints_acts_on_them_alone():
     q = Pushed("").start
     offset = f"{float(q[0] - 2 * q[1])!r} rad"

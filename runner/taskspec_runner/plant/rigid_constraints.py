@@ -43,8 +43,9 @@ class RigidConstraints:
     Attributes:
         function: all of the step's beginning, and of a round, to the multipliers of the next one.
         clock: (1,) of the simulator [s].
-        J, J_rate: (6 nv,) of the tip, and its rate, row by row; `body` is the tip's, `tip` its
-            place, `axes` (9,) its axes row by row.
+        J, J_rate: (3 nv,) of the tip's place, and its rate, row by row; `turning_J`,
+            `turning_J_rate` of its rotation. `body` is the tip's, `tip` its place, `axes` (9,) its
+            axes row by row.
         H: (nv nv,) of all degrees of freedom, row by row.
         constraint_forces: (k,) view of what MuJoCo's constraints exert on the joints [N m, N].
         exerted: (k,) of these those for which the function was evaluated.
@@ -81,7 +82,8 @@ class RigidConstraints:
         m = len(exact)
         self.cartesian = any(not each.joints for each in exact.values())
         self.clock, self.round, self.settled = np.zeros(1), np.zeros(1), np.zeros(1)
-        self.J, self.J_rate, self.H = np.zeros(6 * nv), np.zeros(6 * nv), np.zeros(nv * nv)
+        self.J, self.J_rate, self.H = np.zeros(3 * nv), np.zeros(3 * nv), np.zeros(nv * nv)
+        self.turning_J, self.turning_J_rate = np.zeros(3 * nv), np.zeros(3 * nv)
         self.exerted, self.others, self.on_joints = (np.zeros(k) for _ in range(3))
         self.on_tip = np.zeros(6)
         self.multipliers, self.before, self.step = (np.zeros(m) for _ in range(3))
@@ -93,8 +95,10 @@ class RigidConstraints:
         tip, clock = wiring.reads("tip", self.tip), wiring.reads("clock", self.clock)
         R = ca.reshape(wiring.reads("axes", self.axes), 3, 3).T
         J, J_rate = (
-            ca.reshape(wiring.reads(name, array), nv, 6).T[:, own]
-            for name, array in (("J", self.J), ("J_rate", self.J_rate))
+            ca.vertcat(
+                *(ca.reshape(wiring.reads(name, getattr(self, name)), nv, 3).T for name in names)
+            )[:, own]
+            for names in (("J", "turning_J"), ("J_rate", "turning_J_rate"))
         )
         H = ca.reshape(wiring.reads("H", self.H), nv, nv)[own, own]
         h = wiring.numbers("h", model.opt.timestep)
@@ -154,9 +158,12 @@ class RigidConstraints:
         model, data = self._model, self._data
         self.clock[0], self.round[0] = data.time, 0.0
         if self.cartesian:
-            J, rate = (each.reshape(6, model.nv) for each in (self.J, self.J_rate))
-            mujoco.mj_jacBody(model, data, J[:3], J[3:], self.body)
-            mujoco.mj_jacDot(model, data, rate[:3], rate[3:], self.tip, self.body)
+            J, turning_J, J_rate, turning_J_rate = (
+                each.reshape(3, model.nv)
+                for each in (self.J, self.turning_J, self.J_rate, self.turning_J_rate)
+            )
+            mujoco.mj_jacBody(model, data, J, turning_J, self.body)
+            mujoco.mj_jacDot(model, data, J_rate, turning_J_rate, self.tip, self.body)
         mujoco.mj_fullM(model, data, self.H.reshape(model.nv, model.nv))
         mujoco.mj_fwdActuation(model, data)
         self.others[:] = self.joints

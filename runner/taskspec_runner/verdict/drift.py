@@ -28,7 +28,7 @@ def drift(program: Program, history: History) -> dict[str, Any]:
             continue
         sizes = np.where(np.isfinite(columns[column]), np.abs(columns[column]), 0.0)
         i = int(np.argmax(sizes))
-        text = scaled(float(sizes[i]), LENGTH.on(rotation=declared.equation.joints), 2)
+        text = scaled(float(sizes[i]), LENGTH.on(rotation=declared.equation.angular), 2)
         found[name] = {"most": float(sizes[i]), "text": text, "clock": float(columns["clock"][i])}
     return {"drift": found} if found else {}
 

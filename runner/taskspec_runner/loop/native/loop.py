@@ -419,7 +419,8 @@ def _plant(record: TickMemory, plant: Plant) -> None:
             constraint_forces=rigid.constraint_forces,
         )
         names = (
-            *("clock", "J", "J_rate", "H", "others", "on_joints", "exerted", "round", "settled"),
+            *("clock", "J", "J_rate", "turning_J", "turning_J_rate", "H", "others", "on_joints"),
+            *("exerted", "round", "settled"),
             *("multipliers", "before", "step", "broyden"),
             *("next_multipliers", "next_step", "next_broyden"),
         )

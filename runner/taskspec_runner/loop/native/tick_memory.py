@@ -324,6 +324,8 @@ class TickMemory(Record):
     rigid_clock: Vector
     rigid_J: Vector
     rigid_J_rate: Vector
+    rigid_turning_J: Vector
+    rigid_turning_J_rate: Vector
     rigid_H: Vector
     rigid_others: Vector
     rigid_on_joints: Vector

@@ -349,8 +349,9 @@ def _constrain(c: TickMemory) -> None:
     clock, number, time, settled = c.rigid_clock, c.rigid_round, c.time, c.rigid_settled
     clock[0], number[0] = time[0], 0.0
     if c.rigid_cartesian:
-        call(c.mj_jacBody, c.model, c.data, c.rigid_J, 0, c.tip_body)
-        call(c.mj_jacDot, c.model, c.data, c.rigid_J_rate, 0, c.tip, c.tip_body)
+        call(c.mj_jacBody, c.model, c.data, c.rigid_J, c.rigid_turning_J, c.tip_body)
+        rate, turning = c.rigid_J_rate, c.rigid_turning_J_rate
+        call(c.mj_jacDot, c.model, c.data, rate, turning, c.tip, c.tip_body)
     call(c.mj_fullM, c.model, c.data, c.rigid_H)
     call(c.mj_fwdActuation, c.model, c.data)
     k, m, joints = c.n_joints, c.n_rigid, c.applied_joints
