@@ -82,8 +82,8 @@ def _with_springs() -> str:
 )
 def indefinite_gains(stage: StagePlan) -> Iterator[Finding]:
     """Matrices of gains that are not positive definite, in the numbers and ranges of the file."""
-    law = stage.law.control_law
-    if law.selects:
+    law = stage.law
+    if law.control_law.selects or not law.matrices:
         return
     for name in MATRICES:
         gains = stage.gains.get(name, {})

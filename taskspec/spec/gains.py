@@ -159,7 +159,7 @@ class GainField(FieldType):
         )
         axes = dict.fromkeys(TRANSLATIONS, linear) | dict.fromkeys(ROTATIONS, angular)
         pairs = {
-            pair: Constant(entry_dimension(self.dimension, pair)).json()
+            pair: _between(Constant(entry_dimension(self.dimension, pair)).json())
             for pair in (PAIRS if self.matrix else ())
             if self._mixes or not is_mixed(pair)
         }
@@ -183,3 +183,8 @@ def _varies(value: object, context: ParseContext) -> bool:
         return False
     known = (*context.params, *context.broken, *CONSTANTS)
     return any(name not in known for name in names)
+
+
+def _between(entry: dict[str, Any]) -> dict[str, Any]:
+    """The entry of two axes, described as one."""
+    return entry | {"description": f"Between two axes. {entry['description']}"}

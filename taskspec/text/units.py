@@ -234,9 +234,6 @@ MEASURES = (
     Measure("a force per angle", FORCE / ANGLE, "N/rad", ("N/rad", "N/deg")),
     Measure("a force per rate of turn", FORCE / ANGULAR_VELOCITY, "N*s/rad", ("N*s/rad",)),
     Measure("a length per angle", LENGTH / ANGLE, "m/rad", ("mm/rad", "m/rad", "mm/turn")),
-    Measure("a stiffness between a force and an angle", FORCE / ANGLE, "N/rad", ("N/rad", "N/deg")),
-    Measure("a damping between a force and a rate of turn", FORCE / ANGULAR_VELOCITY, "N*s/rad",
-            ("N*s/rad",)),
     Measure("a mass times a length", MASS * LENGTH, "kg*m", ("kg*m",)),
 )  # fmt: skip
 """The one table of units: whatever shows a quantity uses it."""

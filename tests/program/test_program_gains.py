@@ -164,7 +164,7 @@ MISTAKES = {
         "TS216", "its least eigenvalue is -561.6 N/m, along 0.79 x - 0.62 z"
     ),
     # units of a mixed block
-    "stiffness: {x: 1 kN/m, xry: 20 N/m}": ("TS112", "a stiffness between a force and an angle"),
+    "stiffness: {x: 1 kN/m, xry: 20 N/m}": ("TS112", "a force per angle"),
     "mass: {x: 4 kg, ry: 0.1 kg*m^2, xry: 0.1 kg}": ("TS112", "a mass times a length (kg*m)"),
     # no signal of a law
     "stiffness: {z: 1 kN/m - 1 kN/m^2 * error.z}": ("TS224", "cannot depend on the error"),

@@ -130,7 +130,7 @@ class DesignRules:
         mobility = self._kinematics.axis_mobility
         if np.linalg.cond(mobility) > SINGULAR:
             # The run stops before its first tick; that it is said needs gains that are finite.
-            mobility = mobility + np.eye(len(mobility)) / SINGULAR
+            mobility = mobility + np.abs(mobility).max() / SINGULAR * np.eye(len(mobility))
         return mobility
 
     @cached_property
