@@ -7,7 +7,7 @@ import stat
 from io import BufferedReader
 from pathlib import Path
 
-#: Windows has none of these, but opens texts unless told otherwise.
+#: Windows has none of these, but opens a file as text by default.
 _FLAGS = ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY")
 
 

@@ -95,7 +95,7 @@ def _bushings(context: Context) -> Iterator[Vector]:
 def gradients(context: Context, model: EquationModel) -> Vector:
     """(3, k) unit gradients of an equation at the start and around it; (6, k) of one that turns.
 
-    Such a one is looked at in the rotation of the start.
+    Such a one is taken in the rotation of the start.
     """
     p, R = ca.SX.sym("p", 3), ca.SX(context.start_R)
     normal = ca.Function(

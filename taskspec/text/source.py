@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
 
@@ -53,6 +54,15 @@ class Source:
     def offset(self, line: int, column: int) -> int:
         """The index in `text` of a place (1-based line and column)."""
         return self._starts[line - 1] + column - 1
+
+    def place(self, offset: int) -> tuple[int, int]:
+        """Line and column (1-based) of an index in `text`."""
+        line = bisect_right(self._starts, offset)
+        return line, offset - self._starts[line - 1] + 1
+
+    def span(self, start: int, end: int) -> Span:
+        """The stretch between two indices in `text`, the second exclusive."""
+        return Span(*self.place(start), *self.place(end))
 
     def line(self, number: int) -> str:
         """Line `number` (1-based) without its end; empty beyond the last line."""

@@ -100,10 +100,9 @@ def explain_crash(error: Exception, source: Source, diagnostics: Diagnostics) ->
     if escape is None:
         diagnostics.error("TS001", f"this is not readable as YAML: {error}", None)
         return
-    line = source.text.count("\n", 0, escape.start()) + 1
-    column = escape.start() - source.text.rfind("\n", 0, escape.start())
-    span = Span(line, column, line, column + len(escape[0]))
-    diagnostics.error("TS001", f"'{escape[0]}' names no character", span)
+    diagnostics.error(
+        "TS001", f"'{escape[0]}' names no character", source.span(escape.start(), escape.end())
+    )
 
 
 def _sign(context: str, problem: str, here: _Place) -> _Finding | None:

@@ -1,4 +1,4 @@
-"""What an editor is told of a text: findings, completions, meanings, places, changes."""
+"""What an editor shows of a text: findings, completions, meanings, places, changes."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def test_equilibrium_with_coupled_springs(simulate, prediction, name, law):
 
 @pytest.mark.parametrize("law", ["impedance", "pd"])
 def test_a_force_displaces_coupled_springs_by_their_compliance(simulate, prediction, law):
-    """K_m^-1 f: the force that is asked for comes about though the tool gives way along x."""
+    """K_m^-1 f: the commanded force comes about though the tool gives way along x."""
     arm = ARMS["panda"]
     press = "press: {axes: {z: {force: -15 N}}, time: 6 s}"
     run = simulate(arm.task(f"{{kind: {law}, {SPRINGS}}}", press, contact="stiffness: 5 kN/m"))

@@ -56,8 +56,8 @@ def is_colored(stream: TextIO) -> bool:
 
 def forces_color() -> bool:
     """Whether the environment asks for colours where no terminal is."""
-    asked = (os.environ.get(name) for name in ("FORCE_COLOR", "CLICOLOR_FORCE"))
-    return not os.environ.get("NO_COLOR") and any(value not in (None, "", "0") for value in asked)
+    given = (os.environ.get(name) for name in ("FORCE_COLOR", "CLICOLOR_FORCE"))
+    return not os.environ.get("NO_COLOR") and any(value not in (None, "", "0") for value in given)
 
 
 def _painted(text: str, style: Style) -> str:

@@ -11,11 +11,11 @@ import typer
 
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.cli.formats import RunFormat
+from taskspec_runner.cli.given import check_page
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.diff.difference import NAMES, Difference, diff_runs
 from taskspec_runner.diff.page import headline, leads, share, write_difference
 from taskspec_runner.diff.sentences import largest_text, parting
-from taskspec_runner.errors import InputError
 from taskspec_runner.exit_codes import MISSED, WELL
 from taskspec_runner.pages.numbers import quantity
 from taskspec_runner.record.folder import plain
@@ -34,8 +34,7 @@ _STYLES = {"+": "green", "-": "red", "@": "cyan"}
 
 def diff_folders(a: Path, b: Path, page: Path | None, form: RunFormat) -> int:
     """Shows how run B differs from run A; 0 if it does not, else 1."""
-    if page is not None and page.suffix not in (".html", ".htm"):
-        raise InputError(f"--html needs a file that ends in .html, not {page}")
+    check_page(page)
     difference = diff_runs(Run.load(a), Run.load(b))
     # First, as a reader of the text may go away before its end.
     written = write_difference(difference, page) if page is not None else None

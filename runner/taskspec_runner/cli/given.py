@@ -47,3 +47,13 @@ def _override(text: str) -> tuple[str, str]:
             "--set 'vary.world.table.stiffness=10..20 kN/m'"
         )
     return key.strip(), value
+
+
+def check_page(page: Path | None) -> None:
+    """Finds out whether `--html` names a page.
+
+    Raises:
+        InputError: it names another kind of file.
+    """
+    if page is not None and page.suffix not in (".html", ".htm"):
+        raise InputError(f"--html needs a file that ends in .html, not {page}")

@@ -9,7 +9,7 @@ import typer
 
 from taskspec_runner.cli.console import show, table
 from taskspec_runner.cli.formats import RunFormat
-from taskspec_runner.errors import InputError
+from taskspec_runner.cli.given import check_page
 from taskspec_runner.exit_codes import WELL
 from taskspec_runner.listing.kept import KeptFolder, TaskHistory, histories, kept_folders
 from taskspec_runner.listing.page import margin_text, write_listing
@@ -19,8 +19,7 @@ _STYLES = {True: "green", False: "red", None: "yellow"}
 
 def list_runs(root: Path, page: Path | None, form: RunFormat, most: int) -> int:
     """Shows the folders below `root`, and writes their page."""
-    if page is not None and page.suffix not in (".html", ".htm"):
-        raise InputError(f"--html needs a file that ends in .html, not {page}")
+    check_page(page)
     found = kept_folders(root)
     written = write_listing(root, found, page) if page is not None else None
     if form is RunFormat.JSON:

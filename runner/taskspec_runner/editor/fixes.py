@@ -70,19 +70,17 @@ def _texts(hint: str, written: str) -> Iterator[str]:
 
 def _removed(source: Source, start: int, end: int) -> Iterator[Fix]:
     """Leaves out the entry that begins at a place, if it stands in one line."""
-    text = source.text
-    line_start = text.rfind("\n", 0, start) + 1
-    line_end = text.find("\n", start)
-    line_end = len(text) if line_end < 0 else line_end
-    indent = len(text[line_start:start])
-    if text[line_start:start].strip():
+    number, column = source.place(start)
+    line, below, indent = source.line(number), source.line(number + 1), column - 1
+    line_start = start - indent
+    line_end = line_start + len(line)
+    if line[:indent].strip():
         yield from _removed_from_braces(source, start, end, line_end)
         return
-    below = text[line_end + 1 :].split("\n", 1)[0]
     if below.strip() and len(below) - len(below.lstrip()) > indent:
         return
-    line = text[line_start:line_end].strip()
-    yield Fix(f"Leave out {line}", line_start, min(line_end + 1, len(text)), "", only=False)
+    after = min(line_end + 1, len(source.text))
+    yield Fix(f"Leave out {line.strip()}", line_start, after, "", only=False)
 
 
 def _removed_from_braces(source: Source, start: int, end: int, line_end: int) -> Iterator[Fix]:

@@ -56,11 +56,6 @@ class KeyFacts:
         units = [unit for text in texts for unit in _UNIT.findall(text)]
         return tuple(dict.fromkeys(parse_unit(unit).dimension for unit in units))
 
-    @property
-    def nests(self) -> bool:
-        """Whether its value may be a mapping or a list."""
-        return any({"object", "array"} & set(_types(form)) for form in self.forms)
-
 
 @cache
 def _schema() -> Json:

@@ -126,7 +126,4 @@ def _words_of(scalar: nodes.Scalar, name: str, source: Source) -> Iterator[Span]
     written = source.text[start:end]
     for match in _WORD.finditer(written):
         if match[0] == name:
-            line = scalar.span.line + written.count("\n", 0, match.start())
-            before = source.text.rfind("\n", 0, start + match.start()) + 1
-            column = start + match.start() - before + 1
-            yield Span(line, column, line, column + len(name))
+            yield source.span(start + match.start(), start + match.end())

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from taskspec.examination import ExaminationBounds, examine
-from taskspec.spec import load_text
+from taskspec.spec import LoadedTask, load_text
 from taskspec.spec.load import tree_of
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
 from taskspec.text.nodes import Mapping
@@ -44,25 +45,25 @@ class OpenedFile:
 
     def read(self) -> tuple[Diagnostic, ...]:
         """Findings of text, names, units and modes."""
-        try:
-            return load_text(self.source.text, str(self.path), base=self.path.parent).warnings
-        except SpecError as error:
-            return error.diagnostics
+        return self._of_loaded(lambda loaded: loaded.warnings)
 
     def examined(self, *, stability: bool = True) -> tuple[Diagnostic, ...]:
         """Findings of all rules; of a file that cannot be read those of `read`."""
-        try:
-            loaded = load_text(self.source.text, str(self.path), base=self.path.parent)
-            return examine(loaded, stability=stability, bounds=ExaminationBounds()).findings
-        except SpecError as error:
-            return error.diagnostics
+        return self._of_loaded(
+            lambda loaded: examine(loaded, stability=stability, bounds=ExaminationBounds()).findings
+        )
 
     def tried(self) -> tuple[Diagnostic, ...]:
         """Findings of all rules and of a trial."""
         from taskspec_runner.trial.check import check
 
+        return self._of_loaded(lambda loaded: check(loaded).findings)
+
+    def _of_loaded(
+        self, find: Callable[[LoadedTask], tuple[Diagnostic, ...]]
+    ) -> tuple[Diagnostic, ...]:
+        """Findings of the text as it is now; of one that cannot be read what is wrong with it."""
         try:
-            loaded = load_text(self.source.text, str(self.path), base=self.path.parent)
-            return check(loaded).findings
+            return find(load_text(self.source.text, str(self.path), base=self.path.parent))
         except SpecError as error:
             return error.diagnostics

@@ -42,9 +42,8 @@ class WordHere:
 def word_at(opened: OpenedFile, offset: int) -> WordHere | None:
     """The word that an offset is in; None between words and in comments."""
     text = opened.source.text
-    line_start = text.rfind("\n", 0, offset) + 1
-    line_end = text.find("\n", offset)
-    line = text[line_start : len(text) if line_end < 0 else line_end]
+    number, column = opened.source.place(offset)
+    line_start, line = offset - column + 1, opened.source.line(number)
     for match in _DOTTED.finditer(line):
         if line_start + match.start() <= offset <= line_start + match.end():
             break

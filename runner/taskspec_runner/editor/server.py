@@ -166,16 +166,7 @@ class TaskServer(LanguageServer):
 
     def between(self, uri: str, start: int, end: int) -> lsp.Range:
         """The range between two offsets."""
-        source = self.opened(uri).source
-        return self.range_of(uri, _span(source.text, start, end))
-
-
-def _span(text: str, start: int, end: int) -> Span:
-    return Span(*_line_and_column(text, start), *_line_and_column(text, end))
-
-
-def _line_and_column(text: str, offset: int) -> tuple[int, int]:
-    return text.count("\n", 0, offset) + 1, offset - text.rfind("\n", 0, offset)
+        return self.range_of(uri, self.opened(uri).source.span(start, end))
 
 
 def _offset(document: TextDocument, position: lsp.Position) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,6 +12,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec_runner.compare.folder import PAGE as COMPARISON_PAGE
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record.folder import mapping, mappings, number, read_json
+from taskspec_runner.record.manifest import override_words
 from taskspec_runner.record.names import COMPARISON, MANIFEST, REPORT, SWEEP
 from taskspec_runner.runs import Run
 from taskspec_runner.sweep.folder import PAGE as SWEEP_PAGE
@@ -21,7 +23,7 @@ from taskspec_runner.verdict.outcome import verdict
 #: Verdicts of what came to its end as it was to.
 GOOD = frozenset({"passed", "done"})
 #: Verdicts that say nothing of the task.
-OPEN = frozenset({"undecided", "unfinished", "running", "damaged", "compared"})
+OPEN = frozenset({"undecided", "unfinished", "damaged", "compared"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,14 +171,13 @@ def _run(folder: Path) -> KeptFolder:
             margin = min((each for each in margins if each is not None), default=None)
     except (InputError, OutputError) as error:
         kind, why = "damaged", str(error)
-    overrides = mapping(manifest.get("overrides"))
-    changed = [f"--set '{key}={value}'" for key, value in overrides.items()]
+    changed = override_words(mapping(manifest.get("overrides")))
     world = mapping(manifest.get("world")).get("label")
     return KeptFolder(
         folder,
         "run",
         str(manifest.get("task") or folder.name),
-        " ".join([*changed, *([f"--world {world}"] if world else [])]),
+        shlex.join([*changed, *(("--world", str(world)) if world else ())]),
         _time(manifest.get("started"), folder / MANIFEST),
         kind,
         why,
@@ -212,12 +213,11 @@ def _sweep(folder: Path) -> KeptFolder:
         why = rate_text(rate) if rate else "it did not come to its end"
     except (KeyError, TypeError, ValueError):
         kind, why = "damaged", f"{SWEEP} is not as it was written"
-    overrides = mapping(said.get("overrides"))
     return KeptFolder(
         folder,
         "sweep",
         str(said.get("task") or folder.name),
-        " ".join(f"--set '{key}={value}'" for key, value in overrides.items()),
+        shlex.join(override_words(mapping(said.get("overrides")))),
         _time(None, folder / SWEEP),
         kind,
         why,

@@ -131,3 +131,8 @@ def versions() -> dict[str, str]:
 def now() -> str:
     """The time on the wall, UTC, to the second."""
     return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def override_words(overrides: Mapping[str, Any]) -> list[str]:
+    """The words of a command line that give overrides."""
+    return [word for key, value in overrides.items() for word in ("--set", f"{key}={value}")]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from taskspec_runner.record.folder import Json, mapping
+from taskspec_runner.record.manifest import override_words
 from taskspec_runner.record.names import REPORT, TABLE, TASK
 from taskspec_runner.sweep.folder import KEPT
 from taskspec_runner.sweep.kept import folder_of
@@ -25,9 +26,8 @@ def command_stem(said: Json, folder: Path) -> str:
         folder: of the sweep.
     """
     worlds = mapping(said["worlds"])
-    words = ["taskspec", "run", str(said["file"] or folder / TASK)]
-    for key, value in mapping(said["overrides"]).items():
-        words += ["--set", f"{key}={value}"]
+    file = str(said["file"] or folder / TASK)
+    words = ["taskspec", "run", file, *override_words(mapping(said["overrides"]))]
     if said.get("force"):
         words.append("--force")
     if worlds["kind"] == RANDOM:
