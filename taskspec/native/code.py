@@ -25,7 +25,7 @@ from taskspec.native.engine import Engine, NotKeptError
 from taskspec.native.expressions import expression_ir
 from taskspec.native.instructions import instructions
 from taskspec.native.interpreter import INTERPRET, interpreter_ir
-from taskspec.native.kernel import kernel_ir, kernel_source
+from taskspec.native.kernel_ir import kernel_ir, kernel_source
 
 #: What a function of CasADi's is called in its engine.
 CODE = "f"

@@ -20,7 +20,8 @@ from hypothesis import strategies as st
 
 from taskspec.native import kernel
 from taskspec.native.engine import Engine
-from taskspec.native.kernel import KernelError, Record, kernel_ir, vector
+from taskspec.native.kernel import KernelError, Record, vector
+from taskspec.native.kernel_ir import kernel_ir
 from taskspec.store import Store
 
 NOTHING = Store(None)

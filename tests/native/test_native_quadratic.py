@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 from taskspec.control.qp import QuadraticProgram, Status, make_solver, residual
 from taskspec.native import quadratic
 from taskspec.native.engine import Engine
-from taskspec.native.kernel import kernel_ir
+from taskspec.native.kernel_ir import kernel_ir
 from taskspec.native.quadratic import INFEASIBLE, SOLVED, UNSOLVED, Workspace
 from taskspec.program.execution.stage_solver import WORST_RESIDUAL
 from taskspec.store import Store

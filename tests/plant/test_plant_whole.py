@@ -25,7 +25,8 @@ from insertion_rig import (
     wedged,
 )
 from taskspec.native.engine import Engine
-from taskspec.native.kernel import kernel_ir, vector
+from taskspec.native.kernel import vector
+from taskspec.native.kernel_ir import kernel_ir
 from taskspec.shapes import SHAPES, overlap, patches
 from taskspec_runner.errors import InputError
 from taskspec_runner.plant import simulator

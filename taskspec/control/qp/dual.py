@@ -11,7 +11,7 @@ import numpy as np
 from taskspec.control.qp.quadratic_program import Array, QuadraticProgram
 from taskspec.native import quadratic
 from taskspec.native.engine import Engine, available
-from taskspec.native.kernel import kernel_ir, kernel_source
+from taskspec.native.kernel_ir import kernel_ir, kernel_source
 from taskspec.native.quadratic import SOLVED, Workspace, workspace
 
 

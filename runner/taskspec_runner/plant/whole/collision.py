@@ -21,7 +21,7 @@ import mujoco
 
 from taskspec.deferred_methods import dataclass
 from taskspec.native.engine import Engine, available
-from taskspec.native.kernel import kernel_ir, kernel_source
+from taskspec.native.kernel_ir import kernel_ir, kernel_source
 from taskspec.shapes import overlap, patches
 from taskspec_runner.plant import simulator
 from taskspec_runner.plant.simulator import LayoutError
