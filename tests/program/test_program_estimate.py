@@ -181,6 +181,6 @@ def test_the_force_is_averaged_over_the_last_tenth_of_a_second():
     for k in range(300):
         store.collect(np.array([0.0, 0.0, 1.0]) if k >= 200 else np.array([0.0, 9.0, 0.0]))
     store.end("other", np.zeros(3))
-    assert not store.poses["estimated.felt"].any()
+    assert not store.pose("estimated.felt").any()
     store.end("s", np.zeros(3))
-    np.testing.assert_allclose(store.poses["estimated.felt"][6:9], [0.0, 0.0, 1.0])
+    np.testing.assert_allclose(store.pose("estimated.felt")[6:9], [0.0, 0.0, 1.0])

@@ -30,7 +30,9 @@ class Estimation:
     @property
     def poses(self) -> Mapping[str, Vector]:
         """(12,) of the estimated frames, by stage parameter."""
-        return {} if self.estimates is None else self.estimates.poses
+        if self.estimates is None:
+            return {}
+        return {name: self.estimates.pose(name) for name in self.estimates.names}
 
     def missing(self, stage: CompiledStage) -> str:
         """Why a stage cannot be entered, as a sentence; empty if it can."""
@@ -42,7 +44,7 @@ class Estimation:
         if self._sensor is not None:
             self._sensor.begin()
         if self.estimates is not None:
-            self.on |= stage.name in self.estimates.stages
+            self.on |= stage.name in self.estimates.ends
             self.estimates.begin()
 
     def collect(self, wrench: Vector) -> None:

@@ -12,6 +12,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program import events
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.estimation import Estimation
+from taskspec.program.execution.exits import OVER, TRIED, enter, exit_table, follows, repeats
 from taskspec.program.execution.fade_out import FadeOut, unanswered
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.execution.stage_runner import StageRunner
@@ -123,9 +124,7 @@ class Machine:
             for s in stages
         )
         self._exits = exits(stages)
-        self._attempts = [s.plan.spec.attempts or np.inf for s in stages]
-        #: How often the stage has been done in a row, and how often each was come to otherwise.
-        self._rounds, self._tries = 0, [0] * len(stages)
+        self._counts = exit_table(stages)
         self.index, self.t = 0, 0.0
         self.stage_ticks = 0
         self.runner = self.runners[0]
@@ -299,15 +298,18 @@ class Machine:
                 the forces that it collected.
         """
         out: Exit = self._exits[self.index][int(self.outputs[0]) - 1]
-        event, to, index, value = out.event, out.to, out.index, float(self.outputs[1])
-        again = self._rounds < out.repeat
-        if again:
-            to, index = self.stage.name, self.index
-        if index is None:
+        event, to, value = out.event, out.to, float(self.outputs[1])
+        number = int(self.outputs[0])
+        again = repeats(self._counts, self.index, number)
+        index = follows(self._counts, self.index, number)
+        if index == OVER:
             self._end(clock, event, value, to)
             return None
-        attempts = self._attempts[index]
-        if not again and self._tries[index] >= attempts:
+        if again:
+            to = self.stage.name
+        if index == TRIED:
+            assert out.index is not None
+            attempts = self._counts.attempts[out.index]
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._end(clock, events.Event(event.kind, events.ATTEMPTS, text), value, FAIL)
             return None
@@ -365,8 +367,7 @@ class Machine:
 
     def _begin(self, index: int, *, again: bool = False) -> None:
         """Makes a stage the current one; `again` where it repeats itself."""
-        self._rounds = self._rounds + 1 if again else 1
-        self._tries[index] += not again
+        enter(self._counts, index, again)
         self.index, self.runner = index, self.runners[index]
         self.stage_ticks, self.t = 0, 0.0
         self.now[2 + index] += 1

@@ -5,8 +5,9 @@ While a stage is on they do not move. Later stages get them as parameters, writt
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -14,7 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.deferred_methods import dataclass
+from taskspec.program.bound import BoundFunction
 from taskspec.program.slots import Slots
 from taskspec.program.world.frames import FrameModel
 
@@ -74,7 +75,7 @@ def axes_of(normal: Vector, heading: Vector | None) -> Vector:
     share = z0 * h0 + z1 * h1 + z2 * h2
     across = (h0 - z0 * share, h1 - z1 * share, h2 - z2 * share)
     if math.hypot(*across) < LEAST_SINE:
-        raise NotEstimatedError("its heading is along the normal that was measured")
+        raise NotEstimatedError(_HEADS_ALONG)
     x0, x1, x2 = _unit(across)
     y0, y1, y2 = z1 * x2 - z2 * x1, z2 * x0 - z0 * x2, z0 * x1 - z1 * x0
     return np.array([[x0, y0, z0], [x1, y1, z1], [x2, y2, z2]])
@@ -99,11 +100,18 @@ def measure(frame: FrameModel, force: Vector, tip: Vector) -> tuple[Vector, Vect
     """
     size = math.hypot(*force.tolist())
     if size < LEAST_FORCE:
-        raise NotEstimatedError(
-            f"the mean force at the end of stage {frame.estimate!r} was {size:.2g} N, less than "
-            f"{LEAST_FORCE:g} N"
-        )
+        raise NotEstimatedError(_too_little(frame.estimate, size))
     return axes_of(force, frame.heading), tip.copy()
+
+
+_HEADS_ALONG = "its heading is along the normal that was measured"
+
+
+def _too_little(stage: str | None, size: float) -> str:
+    return (
+        f"the mean force at the end of stage {stage!r} was {size:.2g} N, less than "
+        f"{LEAST_FORCE:g} N"
+    )
 
 
 def with_nominal(
@@ -138,12 +146,35 @@ def with_nominal(
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """The result of an estimated frame: its pose (12,), or why there is none."""
+#: What came of measuring a frame, and before anything did.
+MEASURED, PRESSED_TOO_LITTLE, ALONG_NORMAL, UNVISITED = 1.0, 0.0, -1.0, -2.0
 
-    pose: Vector
-    problem: str = ""
+
+def measuring(frames: Sequence[FrameModel]) -> ca.Function:
+    """What `measure` says of k frames, as one function.
+
+    Takes the sum of the forces (3,) by the environment, world [N], of how many ticks it is (1,),
+    and the tip (3,), world. Gives the frames' poses (12 k,), zeros for a frame that has none, what
+    came of each (k,), and the mean force (1,) [N].
+    """
+    total, count, tip = ca.SX.sym("total", 3), ca.SX.sym("count"), ca.SX.sym("tip", 3)
+    force = total / count
+    size = ca.norm_2(force)
+    z = force / size
+    poses, found = [], []
+    for frame in frames:
+        heading = ca.SX(ca.DM(_WORLD_X if frame.heading is None else frame.heading))
+        heading /= ca.norm_2(heading)
+        across = heading - z * ca.dot(z, heading)
+        sine = ca.norm_2(across)
+        x = across / sine
+        pose = ca.vertcat(x, ca.cross(z, x), z, tip)
+        came = ca.if_else(sine < LEAST_SINE, ALONG_NORMAL, MEASURED)
+        came = ca.if_else(size < LEAST_FORCE, PRESSED_TOO_LITTLE, came)
+        poses.append(ca.if_else(came == MEASURED, pose, 0))
+        found.append(came)
+    results = [ca.densify(ca.vertcat(*part)) for part in (poses, found, [size])]
+    return ca.Function("measuring", [total, count, tip], results)
 
 
 class Estimates:
@@ -154,21 +185,37 @@ class Estimates:
             environment, world axes [N].
         collected: ticks of the stage; tick k is row k modulo the window.
         total: (3,) sum of these forces, the oldest first, as a stage has ended.
-        stages: at whose ends something is measured.
-        poses: (12,) by stage parameter.
+        count: (1,) of how many ticks that is; tip: (3,) where it ended, world.
+        ends: measures the frames of a stage at its end, by its name.
+        frames: the numbers of these frames, by the stage's name.
+        poses: (12 frames,) frame by frame; found: (frames,) what came of each.
+        names: of the stage parameters that hold the poses, frame by frame.
     """
 
     def __init__(self, frames: Iterable[FrameModel], period: float) -> None:
         """For the measured ones among `frames`; `period` is that of control [s]."""
-        self._frames = [f for f in frames if f.estimate]
-        self._estimates = {
-            slot(f): Estimate(np.zeros(SIZE), f"stage {f.estimate!r} has not been visited")
-            for f in self._frames
-        }
+        measured = sorted((f for f in frames if f.estimate), key=lambda f: f.estimate or "")
+        self._frames = measured
+        self.names = tuple(slot(f) for f in measured)
         self.recent: Vector = np.zeros((window(period), 3))
-        self.collected, self.total = 0, np.zeros(3)
-        self.stages = frozenset(f.estimate for f in self._frames)
-        self.poses = {name: estimate.pose for name, estimate in self._estimates.items()}
+        self.collected = 0
+        self.total, self.count, self.tip = np.zeros(3), np.zeros(1), np.zeros(3)
+        self.poses, self.found = np.zeros(SIZE * len(measured)), np.full(len(measured), UNVISITED)
+        self._sizes = np.zeros(len(measured))
+        self.ends: dict[str, BoundFunction] = {}
+        self.frames: dict[str, range] = {}
+        given = (self.total, self.count, self.tip)
+        for stage, group in itertools.groupby(range(len(measured)), lambda i: measured[i].estimate):
+            assert stage is not None
+            first, *rest = group
+            end = first + 1 + len(rest)
+            self.frames[stage] = range(first, end)
+            found = [
+                self.poses[SIZE * first : SIZE * end],
+                self.found[first:end],
+                self._sizes[first : first + 1],
+            ]
+            self.ends[stage] = BoundFunction(measuring(measured[first:end]), given, found)
 
     def begin(self) -> None:
         """Forgets the forces of the last stage."""
@@ -187,25 +234,13 @@ class Estimates:
             tip: world.
             summed: whether `total` is the sum of now.
         """
-        if not summed and stage in self.stages:
+        if stage not in self.ends:
+            return
+        if not summed:
             self._sum()
-        for frame in self._frames:
-            if frame.estimate != stage:
-                continue
-            try:
-                R, origin = measure(frame, self.mean(), tip)
-            except NotEstimatedError as error:
-                estimate = Estimate(np.zeros(SIZE), str(error))
-            else:
-                pose = np.empty(SIZE)
-                pose[:9], pose[9:] = R.ravel(order="F"), origin
-                estimate = Estimate(pose)
-            self._estimates[slot(frame)] = estimate
-            self.poses[slot(frame)] = estimate.pose
-
-    def mean(self) -> Vector:
-        """(3,) mean of the forces in the window."""
-        return self.total / min(self.collected, len(self.recent))
+        self.count[0] = min(self.collected, len(self.recent))
+        self.tip[:] = tip
+        self.ends[stage].evaluate()
 
     def _sum(self) -> None:
         """Writes the sum of the forces in the window, the oldest first."""
@@ -217,6 +252,11 @@ class Estimates:
             recent = np.concatenate((recent[oldest:], recent[:oldest]))
         np.add.reduce(recent, out=self.total)
 
+    def pose(self, name: str) -> Vector:
+        """(12,) the pose that a stage parameter holds."""
+        at = self.names.index(name)
+        return self.poses[SIZE * at : SIZE * at + SIZE]
+
     def missing(self, parameters: Iterable[str]) -> str:
         """Why a stage with these poses cannot be entered, as a sentence; empty if it can.
 
@@ -224,10 +264,18 @@ class Estimates:
             parameters: that hold the poses.
         """
         for name in parameters:
-            estimate = self._estimates[name]
-            if estimate.problem:
-                frame = name.removeprefix(PREFIX)
-                return f"frame {frame!r} has not been estimated: {estimate.problem}"
+            at = self.names.index(name)
+            if self.found[at] == MEASURED:
+                continue
+            stage = self._frames[at].estimate
+            size = self._sizes[self.frames[stage or ""].start]
+            problem = {
+                UNVISITED: f"stage {stage!r} has not been visited",
+                PRESSED_TOO_LITTLE: _too_little(stage, size),
+                ALONG_NORMAL: _HEADS_ALONG,
+            }[float(self.found[at])]
+            frame = name.removeprefix(PREFIX)
+            return f"frame {frame!r} has not been estimated: {problem}"
         return ""
 
 
