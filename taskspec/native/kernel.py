@@ -160,6 +160,8 @@ class Record:
         names = vars(sys.modules[cls.__module__])
         for name, annotation in cls.__annotations__.items():
             written = annotation if isinstance(annotation, str) else annotation.__name__
+            if written.startswith("ClassVar"):
+                continue
             inner = names.get(written)
             if isinstance(inner, type) and issubclass(inner, Record):
                 cls.fields[name], cls.records[name] = Kind.RECORD, inner

@@ -25,6 +25,9 @@ def slices(fields: Iterable[tuple[str, int]]) -> dict[str, slice]:
     return found
 
 
+#: The output `health`, squared joint torques, velocities and positions, stays far below this in a
+#: sane run.
+HEALTHY = 1e12
 #: What every stage puts out each tick before its signals, in this order: name and length.
 INTERNAL: Fields = (
     ("event", 1),

@@ -16,8 +16,6 @@ from taskspec_runner.record.bus import Bus
 
 Vector = NDArray[np.float64]
 
-#: Squared joint torques, velocities and positions of a sane run stay far below this.
-HEALTHY = 1e12
 #: Ticks between checks of the simulator's warning counters, which are slow to read.
 LOOK_EVERY = 20
 

@@ -14,8 +14,9 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program import events
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, Transition
+from taskspec.program.ports import HEALTHY
 from taskspec_runner.errors import InputError, LinkError
-from taskspec_runner.loop.closed_loop import HEALTHY, LOOK_EVERY, ClosedLoop
+from taskspec_runner.loop.closed_loop import LOOK_EVERY, ClosedLoop
 from taskspec_runner.loop.driven import BlockSink, Driven, Senses, TickSink
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.loop.to_rest import Brought, bring_to_rest

@@ -13,15 +13,14 @@ from taskspec.native import quadratic
 from taskspec.native.code import Compiling, kernel_engine
 from taskspec.native.engine import EngineError
 from taskspec.native.expressions import UnsupportedOperationError
-from taskspec.program.execution import pivots, stage_solver
-from taskspec.program.execution.compiled_terms import CompiledTerms
-from taskspec.program.execution.machine import Machine, Opening
-from taskspec.program.execution.stage_runner import StageRunner
-from taskspec.program.ports import fields, slices
-from taskspec_runner.loop import closed_loop
+from taskspec.program import evaluation, ports
+from taskspec.program.evaluation import Evaluation
+from taskspec.program.execution import controller, controller_memory, pivots, stage_solver
+from taskspec.program.execution.controller_memory import controller_memories
+from taskspec.program.execution.machine import Opening
 from taskspec_runner.loop.closed_loop import LOOK_EVERY, ClosedLoop
 from taskspec_runner.loop.native import tick_memory, ticks
-from taskspec_runner.loop.native.tick_memory import LIBRARY, Evaluation, TickMemory
+from taskspec_runner.loop.native.tick_memory import LIBRARY, TickMemory
 from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.plant import rigid_constraints, simulator
 from taskspec_runner.plant.equations import XBODY
@@ -34,8 +33,8 @@ Vector = NDArray[np.float64]
 
 #: Where the loop has its functions, its record and its constants.
 _MODULES = (
-    *(ticks, tick_memory, quadratic, pivots, stage_solver),
-    *(closed_loop, rigid_constraints, log_block),
+    *(ticks, tick_memory, controller, controller_memory, evaluation, quadratic, pivots),
+    *(stage_solver, ports, rigid_constraints, log_block),
 )
 
 
@@ -73,10 +72,10 @@ class NativeLoop:
         self._room = 0 if block is None else len(block.rows)
         base = TickMemory()
         _library(base)
-        _controller(base, machine, plant)
-        _sensor(base, machine, sensing)
+        _measured(base, plant)
+        _sensor(base, sensing)
         _plant(base, plant)
-        base.take(look_every=LOOK_EVERY, period=machine.period, bus=bus.array)
+        base.take(look_every=LOOK_EVERY, bus=bus.array)
         places = bus.slices
         base.take(
             n_bus=len(bus.array),
@@ -92,10 +91,11 @@ class NativeLoop:
                 bus_words=bus.array.view(np.int64),
                 weights=weights(len(bus.array)),
             )
-        self._stages = [
-            _stage(TickMemory(base), machine.torque, machine.outputs, runner)
-            for runner in machine.runners
-        ]
+        self._stages = []
+        for control in controller_memories(machine):
+            stage = TickMemory(base)
+            stage.control = control
+            self._stages.append(stage)
         #: Stages some of whose functions have no machine code of their own.
         self._lacking = set(range(len(self._stages)))
         #: Stages whose functions have been asked for.
@@ -139,23 +139,24 @@ class NativeLoop:
         if self._machine.index not in self._asked or beside:
             self.ready(compiling)
         assert self._run is not None
-        c, sensor = self._record(first), self._sensing.sensor
+        record, sensor = self._record(first), self._sensing.sensor
+        c = record.control
         if opening is not None:
-            c.opens, c.carries = 1, opening.carries
+            record.opens, c.carries = 1, opening.carries
             # The code finds the first knot itself.
             self._machine.runner.tracks.forget()
         while True:
-            reason = self._run(c.address, first + most - c.ticks)
+            reason = self._run(record.address, first + most - c.ticks)
             if reason == ticks.KNOT:
                 c.next_knot = self._refresh(float(c.stage_ticks) * c.period)
             elif reason == ticks.NOISE and sensor is not None:
                 sensor.draw()
-                c.noise_used = sensor.used
+                record.noise_used = sensor.used
             else:
                 break
         if reason == ticks.OPENS:
             assert opening is not None
-            c.opens = 0
+            record.opens = 0
             self._machine.open(opening)
             self.made = True
             return 0
@@ -163,13 +164,13 @@ class NativeLoop:
             self._machine.runner.leaving.evaluate()
         if reason == ticks.SENSED:
             # It may be for a program, and more such ticks may come.
-            c.interpret(programs=True)
+            record.interpret(programs=True)
         self.look, self.ends = reason == ticks.LOOK, reason == ticks.ENDS
         self.sensed, self.stands = reason == ticks.SENSED, reason == ticks.WHOLE
-        self._take_back(c)
+        self._take_back(record)
         if opening is not None:
             carried = float(self._machine.runner.carried[0]) if opening.carries else 0.0
-            self._machine.has_opened(c.torque_step, carried)
+            self._machine.has_opened(record.torque_step, carried)
         done = int(c.ticks) - first
         if done:
             self._machine.has_run(done)
@@ -189,13 +190,18 @@ class NativeLoop:
         except (EngineError, UnsupportedOperationError):
             # Whoever asks for its ticks is told.
             self.made = True
-        if opening.rests or self.made or not self._stages[machine.index].opens_stage:
+        if opening.rests or self.made or not self._opens_stage(machine.index):
             machine.open(opening)
             self.made = True
             return None
         if machine.runner.stage.entry.poses:
             machine.runner.place(machine.estimation.poses)
         return opening
+
+    def _opens_stage(self, index: int) -> bool:
+        """Whether there is code for all that a stage's begin needs."""
+        control = self._stages[index].control
+        return control.ready(control.OPENING)
 
     def _refresh(self, t: float) -> float:
         """Has the stage have the pieces of stage time t [s]; when it is to have the next [s]."""
@@ -208,32 +214,34 @@ class NativeLoop:
         """The record of the current stage, with the state of all that Python has changed."""
         machine, sensor = self._machine, self._sensing.sensor
         index, runner, estimation = machine.index, machine.runner, machine.estimation
-        c = self._stages[index]
+        record = self._stages[index]
+        c = record.control
         c.ticks, c.stage_ticks, c.stage = first, machine.stage_ticks, index
-        c.next_knot, c.last_time = runner.tracks.next_knot, self._plant.last_time
+        c.next_knot, record.last_time = runner.tracks.next_knot, self._plant.last_time
         c.tares = estimation.on and machine.sensor is not None
         c.estimates = estimation.on and estimation.estimates is not None
         if estimation.estimates is not None:
             c.estimate_ticks = estimation.estimates.collected
         if sensor is not None:
-            c.noise_used, c.sensor_ticks = sensor.used, sensor.ticks
+            record.noise_used, record.sensor_ticks = sensor.used, sensor.ticks
         if runner.solver is not None:
-            c.solves = runner.solver.own is not None and c.solves_programs
+            c.solves = runner.solver.own is not None and c.ready(c.PROGRAMS)
             c.clear, c.paring = runner.solver.clear, runner.solver.paring
             c.solved, c.worst = runner.solver.counts.solved, runner.solver.counts.worst
         if self._room:
-            c.recorded, c.row = first, first % self._room
-        return c
+            record.recorded, record.row = first, first % self._room
+        return record
 
-    def _take_back(self, c: TickMemory) -> None:
+    def _take_back(self, record: TickMemory) -> None:
         """Gives Python what the ticks have changed of its own."""
+        c = record.control
         sensor, solver = self._sensing.sensor, self._machine.runner.solver
         estimates = self._machine.estimation.estimates
         self._machine.runner.tracks.next_knot = c.next_knot
         if estimates is not None:
             estimates.collected = c.estimate_ticks
         if sensor is not None:
-            sensor.used, sensor.ticks = c.noise_used, c.sensor_ticks
+            sensor.used, sensor.ticks = record.noise_used, record.sensor_ticks
         if solver is not None:
             solver.clear, solver.paring = bool(c.clear), bool(c.paring)
             solver.counts.solved, solver.counts.worst = c.solved, c.worst
@@ -241,79 +249,40 @@ class NativeLoop:
             # Whoever looks sees the clock of the last look, and this step's force.
             self._plant.arm.read_forces()
         else:
-            self._plant.last_time = c.last_time
+            self._plant.last_time = record.last_time
 
 
 def _library(record: TickMemory) -> None:
     record.take(**{name: simulator.address(name) for name in LIBRARY})
 
 
-def _controller(record: TickMemory, machine: Machine, plant: Plant) -> None:
+def _measured(record: TickMemory, plant: Plant) -> None:
+    """What the controller's inputs are measured from."""
     arm = plant.arm
-    places = slices(fields(len(machine.reactions)))
-    names = (
-        *("conditioning", "health", "violation", "clamped", "unsettled"),
-        *("limits", "limited", "residual"),
-    )
     record.take(
-        n=len(machine.q),
-        n_reactions=len(machine.reactions),
-        n_outputs=len(machine.outputs),
-        **{f"i_{name}": places[name].start for name in names},
-    )
-    record.take(
-        q=machine.q,
-        v=machine.v,
-        wrench=machine.wrench,
-        reactions=machine.reactions,
-        now=machine.now,
         true_q=arm.q,
         true_v=arm.v,
         true_wrench=arm.wrench,
         true_reactions=plant.views.equations,
-        torque=machine.torque,
-        outputs=machine.outputs,
-        torque_before=machine.applied,
-        last=machine.last,
     )
-    assert isinstance(machine.terms, CompiledTerms)
-    record.terms = Evaluation(machine.terms.bound)
 
 
-def _sensor(record: TickMemory, machine: Machine, sensing: Sensing) -> None:
-    sensor, zero = sensing.sensor, machine.sensor
-    if zero is not None:
-        record.zeroed = Evaluation(zero.function)
-        record.take(
-            tip_rotation=machine.terms.rotation,
-            turned=zero.turned,
-            zeroed_wrench=zero.wrench,
-            taring_total=zero.total,
-            taring_left=zero.left,
-            taring_count=zero.count,
-        )
-    if sensor is not None:
-        record.sensor = Evaluation(sensor.function)
-        record.take(
-            noisy=len(sensor.drawn) > 0,
-            noise_drawn=len(sensor.drawn),
-            hold_ticks=sensor.hold_ticks,
-            n_sensor=len(sensor.memory),
-        )
-        record.take(
-            noise_rows=sensor.drawn.reshape(-1),
-            noise=sensor.noise,
-            samples=sensor.samples,
-            sensor_memory=sensor.memory,
-            sensor_kept=sensor.kept,
-        )
-    estimates = machine.estimation.estimates
-    if estimates is not None:
-        record.take(
-            estimate_room=len(estimates.recent),
-            recent=estimates.recent.reshape(-1),
-            recent_total=estimates.total,
-        )
+def _sensor(record: TickMemory, sensing: Sensing) -> None:
+    sensor = sensing.sensor
+    if sensor is None:
+        return
+    record.sensor = Evaluation(sensor.function)
+    record.take(
+        noisy=len(sensor.drawn) > 0,
+        noise_drawn=len(sensor.drawn),
+        hold_ticks=sensor.hold_ticks,
+        n_sensor=len(sensor.memory),
+        noise_rows=sensor.drawn.reshape(-1),
+        noise=sensor.noise,
+        samples=sensor.samples,
+        sensor_memory=sensor.memory,
+        sensor_kept=sensor.kept,
+    )
 
 
 def _plant(record: TickMemory, plant: Plant) -> None:
@@ -425,82 +394,3 @@ def _plant(record: TickMemory, plant: Plant) -> None:
             *("next_multipliers", "next_step", "next_broyden"),
         )
         record.take(**{f"rigid_{name}": getattr(rigid, name) for name in names})
-
-
-def _stage(record: TickMemory, torque: Vector, outputs: Vector, runner: StageRunner) -> TickMemory:
-    """What the record has of a stage."""
-    solver = runner.solver
-    new_torque, new_outputs = np.zeros_like(torque), np.zeros_like(outputs)
-    own_torque, new_memory, own_outputs, *_ = runner.tick.results
-    scratch = [(own_torque, new_torque), (own_outputs, new_outputs)]
-    record.tick = Evaluation(runner.tick, scratch)
-    record.take(
-        n_memory=runner.stage.memory.size,
-        least_conditioning=runner.least_conditioning,
-        memory=runner.memory,
-        new_memory=new_memory,
-        new_torque=new_torque,
-        new_outputs=new_outputs,
-    )
-    tracks = runner.tracks
-    for name in ("entry", "leaving", "carrying"):
-        setattr(record, name, Evaluation(getattr(runner, name)))
-    record.take(
-        n_cubics=len(tracks.places),
-        n_known_knots=len(tracks.known),
-        slowed=tracks.path_time is not None,
-        cubics=tracks.numbers,
-        cubic_places=np.array(tracks.places, dtype=np.int64).reshape(-1),
-        known_knots=tracks.known,
-    )
-    if tracks.path_time is not None:
-        record.take(path_time=tracks.path_time)
-    limits = np.array([each.is_limit for each in runner.stage.events], dtype=np.int64)
-    record.take(limit_events=limits)
-    chooser = runner.chooser
-    if chooser is not None:
-        record.choice = Evaluation(chooser.look)
-        m, c = chooser.sizes
-        record.take(
-            n_constraints=m,
-            n_coordinates=c,
-            gradient=chooser.gradient,
-            selection=chooser.selection,
-            pivot_rows=chooser.rows,
-            pivot_columns=chooser.chosen,
-            pivots_left=chooser.left,
-        )
-    if solver is not None:
-        record.take(
-            has_program=True,
-            n_requests=len(solver.cut),
-            has_last_torque=solver.last_torque is not None,
-        )
-        record.take(
-            clamped_cut=solver.clamped_cut,
-            cut=solver.cut,
-            cut_before=np.zeros_like(solver.cut),
-            limited=solver.limited,
-            unreachable=solver.unreachable,
-        )
-        if solver.last_torque is not None:
-            record.take(last_torque=solver.last_torque)
-        record.take(asks=solver.nearest is not None)
-        if solver.own is not None:
-            record.assemble = Evaluation(solver.assemble)
-            record.accept = Evaluation(solver.accept, scratch)
-            record.take(
-                limits=solver.own.workspace,
-                solver_last=solver.applied,
-                accepted=solver.accepted,
-                residual=solver.residual,
-                binding=solver.binding,
-                found_cut=solver.found_cut,
-            )
-            if solver.nearest is not None and solver.nearest.own is not None:
-                record.look = Evaluation(solver.nearest.look)
-                record.left = Evaluation(solver.nearest.left)
-                record.take(
-                    nearest=solver.nearest.own.workspace, left_over=solver.nearest.left_over
-                )
-    return record

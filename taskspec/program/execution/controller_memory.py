@@ -1,0 +1,282 @@
+"""The memory of a machine's stages, as the kernel of the controller has it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from taskspec.native.kernel import Vector, Words
+from taskspec.native.quadratic import Workspace
+from taskspec.program.evaluation import Evaluation, Evaluations
+from taskspec.program.execution.compiled_terms import CompiledTerms
+from taskspec.program.ports import fields, slices
+
+if TYPE_CHECKING:
+    from taskspec.program.execution.machine import Machine
+    from taskspec.program.execution.stage_runner import StageRunner
+
+
+class ControllerMemory(Evaluations):
+    """The memory of one stage of a run. A number that tells whether is 1 or 0.
+
+    What all stages share, they have the addresses of.
+    """
+
+    PROGRAMS: ClassVar = frozenset({"assemble", "accept", "look", "left"})
+    ONCE: ClassVar = frozenset({"choice", "entry", "carrying", "leaving", "measuring"})
+    #: What the beginning of a stage needs.
+    OPENING: ClassVar = frozenset({"choice", "entry", "carrying"})
+
+    # functions on memory; those that a run has none of have no code
+    terms: Evaluation
+    zeroed: Evaluation
+    tick: Evaluation
+    assemble: Evaluation
+    accept: Evaluation
+    look: Evaluation
+    left: Evaluation
+    choice: Evaluation
+    entry: Evaluation
+    leaving: Evaluation
+    carrying: Evaluation
+    measuring: Evaluation
+
+    # how far it is
+    ticks: int  # of the run
+    stage_ticks: int  # of the stage
+    stage: int  # its number
+    carries: int  # whether its torque goes on from that of the stage before
+
+    n: int  # joints
+    n_reactions: int  # constraint equations
+    n_outputs: int  # outputs of the tick
+    n_memory: int  # numbers that the stage remembers
+    n_requests: int  # force set points of the stage
+    n_constraints: int  # that decide coordinates
+    n_coordinates: int  # to choose from
+    n_cubics: int  # of moves and of the path that follow from the entry
+    n_known_knots: int  # of the path that do not
+    slowed: int  # whether signals slow the path
+    has_last_torque: int  # whether the tick reads the torque before
+    has_program: int  # whether limits may need a program
+    solves: int  # whether the programs are solved here
+    asks: int  # whether forces are asked of contacts
+    solved: int  # programs solved
+    limits: Workspace  # the program of the limits
+    nearest: Workspace  # that of the forces that contacts return
+    clear: int  # whether no limit was in the way
+    paring: int  # whether requests are being cut
+    tares: int  # whether the stage measures the sensor's zero
+    estimates: int  # whether the stage measures a frame
+    estimate_ticks: int  # ticks of that
+    estimate_room: int  # ticks that it looks back
+
+    # where the outputs have what the kernel reads
+    i_conditioning: int
+    i_health: int
+    i_violation: int
+    i_clamped: int
+    i_unsettled: int
+    i_limits: int
+    i_limited: int
+    i_residual: int
+
+    period: float  # of control [s]
+    next_knot: float  # stage time at which a path or move changes [s]
+    least_conditioning: float  # below which coordinates are chosen again
+    worst: float  # residual of an answer that was used
+
+    # the inputs
+    q: Vector
+    v: Vector
+    wrench: Vector
+    reactions: Vector
+    now: Vector
+
+    # the tick: what holds, and what a tick makes of it
+    torque: Vector
+    torque_before: Vector
+    outputs: Vector
+    memory: Vector
+    new_torque: Vector
+    new_outputs: Vector
+    new_memory: Vector
+    last_torque: Vector
+    clamped_cut: Vector
+    cut: Vector
+    limited: Vector
+    cut_before: Vector
+    found_cut: Vector
+    accepted: Vector
+    residual: Vector
+    binding: Vector
+    unreachable: Vector
+    left_over: Vector
+    solver_last: Vector
+
+    # a stage that is opened
+    last: Vector
+    cubics: Vector
+    known_knots: Vector
+    path_time: Vector
+    gradient: Vector
+    selection: Vector
+    pivot_rows: Vector
+
+    # the sensor's zero, and forces that frames are estimated by
+    tip_rotation: Vector
+    turned: Vector
+    zeroed_wrench: Vector
+    taring_total: Vector
+    taring_left: Vector
+    taring_count: Vector
+    recent: Vector
+    recent_total: Vector
+
+    limit_events: Words  # 1 for each event of the stage that is a limit
+    cubic_places: Words  # of each: where its knots are, how many, and whether it is the path's
+    pivot_columns: Words
+    pivots_left: Words
+
+
+def controller_memories(machine: Machine) -> tuple[ControllerMemory, ...]:
+    """The memory of each stage of a machine, which the kernel then shares with it."""
+    shared = _shared(machine)
+    return tuple(_of_stage(shared, machine, runner) for runner in machine.runners)
+
+
+def _shared(machine: Machine) -> ControllerMemory:
+    """What all stages have."""
+    record = ControllerMemory()
+    places = slices(fields(len(machine.reactions)))
+    names = (
+        *("conditioning", "health", "violation", "clamped", "unsettled"),
+        *("limits", "limited", "residual"),
+    )
+    assert isinstance(machine.terms, CompiledTerms)
+    record.terms = Evaluation(machine.terms.bound)
+    record.take(
+        n=len(machine.q),
+        n_reactions=len(machine.reactions),
+        n_outputs=len(machine.outputs),
+        period=machine.period,
+        **{f"i_{name}": places[name].start for name in names},
+    )
+    record.take(
+        q=machine.q,
+        v=machine.v,
+        wrench=machine.wrench,
+        reactions=machine.reactions,
+        now=machine.now,
+        torque=machine.torque,
+        outputs=machine.outputs,
+        torque_before=machine.applied,
+        last=machine.last,
+    )
+    zero, estimates = machine.sensor, machine.estimation.estimates
+    if zero is not None:
+        record.zeroed = Evaluation(zero.function)
+        record.take(
+            tip_rotation=machine.terms.rotation,
+            turned=zero.turned,
+            zeroed_wrench=zero.wrench,
+            taring_total=zero.total,
+            taring_left=zero.left,
+            taring_count=zero.count,
+        )
+    if estimates is not None:
+        record.take(
+            estimate_room=len(estimates.recent),
+            recent=estimates.recent.reshape(-1),
+            recent_total=estimates.total,
+        )
+    return record
+
+
+def _of_stage(shared: ControllerMemory, machine: Machine, runner: StageRunner) -> ControllerMemory:
+    """What a stage has of its own, beside what all share."""
+    record, solver = ControllerMemory(shared), runner.solver
+    new_torque, new_outputs = np.zeros_like(machine.torque), np.zeros_like(machine.outputs)
+    own_torque, new_memory, own_outputs, *_ = runner.tick.results
+    scratch = [(own_torque, new_torque), (own_outputs, new_outputs)]
+    record.tick = Evaluation(runner.tick, scratch)
+    record.take(
+        n_memory=runner.stage.memory.size,
+        least_conditioning=runner.least_conditioning,
+        memory=runner.memory,
+        new_memory=new_memory,
+        new_torque=new_torque,
+        new_outputs=new_outputs,
+    )
+    tracks = runner.tracks
+    for name in ("entry", "leaving", "carrying"):
+        setattr(record, name, Evaluation(getattr(runner, name)))
+    record.take(
+        n_cubics=len(tracks.places),
+        n_known_knots=len(tracks.known),
+        slowed=tracks.path_time is not None,
+        cubics=tracks.numbers,
+        cubic_places=np.array(tracks.places, dtype=np.int64).reshape(-1),
+        known_knots=tracks.known,
+    )
+    if tracks.path_time is not None:
+        record.take(path_time=tracks.path_time)
+    limits = np.array([each.is_limit for each in runner.stage.events], dtype=np.int64)
+    record.take(limit_events=limits)
+    chooser = runner.chooser
+    if chooser is not None:
+        record.choice = Evaluation(chooser.look)
+        m, c = chooser.sizes
+        record.take(
+            n_constraints=m,
+            n_coordinates=c,
+            gradient=chooser.gradient,
+            selection=chooser.selection,
+            pivot_rows=chooser.rows,
+            pivot_columns=chooser.chosen,
+            pivots_left=chooser.left,
+        )
+    if solver is not None:
+        _take_programs(record, runner, scratch)
+    return record
+
+
+def _take_programs(
+    record: ControllerMemory,
+    runner: StageRunner,
+    scratch: Sequence[tuple[np.ndarray, np.ndarray]],
+) -> None:
+    """The programs of a stage that has some; `scratch` as in `Evaluation`."""
+    solver = runner.solver
+    assert solver is not None
+    record.take(
+        has_program=True,
+        n_requests=len(solver.cut),
+        has_last_torque=solver.last_torque is not None,
+        clamped_cut=solver.clamped_cut,
+        cut=solver.cut,
+        cut_before=np.zeros_like(solver.cut),
+        limited=solver.limited,
+        unreachable=solver.unreachable,
+        asks=solver.nearest is not None,
+    )
+    if solver.last_torque is not None:
+        record.take(last_torque=solver.last_torque)
+    if solver.own is None:
+        return
+    record.assemble = Evaluation(solver.assemble)
+    record.accept = Evaluation(solver.accept, scratch)
+    record.take(
+        limits=solver.own.workspace,
+        solver_last=solver.applied,
+        accepted=solver.accepted,
+        residual=solver.residual,
+        binding=solver.binding,
+        found_cut=solver.found_cut,
+    )
+    if solver.nearest is not None and solver.nearest.own is not None:
+        record.look = Evaluation(solver.nearest.look)
+        record.left = Evaluation(solver.nearest.left)
+        record.take(nearest=solver.nearest.own.workspace, left_over=solver.nearest.left_over)
