@@ -286,7 +286,7 @@ class _Native:
             return 0
         self.look, self.made = self._loop.look, self._loop.made
         self.sensed = self._loop.sensed or self.made
-        self.goes_on = not (self.sensed or self._loop.stands)
+        self.goes_on = not self.sensed
         return done
 
     def _code(self, loop: NativeLoop, ticks: int, compiling: Compiling) -> int:

@@ -25,7 +25,10 @@ class Chooser:
     Attributes:
         look: writes the constraints' gradient and what is commanded to the coordinates.
         gradient: (m c,) of the m constraints by the c coordinates, column by column.
+        wanted, kept: (n,) what is commanded, and of that what keeps the constraints.
         selection: (m c,) of the tick's parameters, row by row.
+        held: (n,) of the tick's parameters: what the last choice commanded beside this one.
+        chosen_at: (1,) of them: when this choice was made [s].
         sizes: m and c.
         rows, chosen, left: memory of the choice; see `pivots.select`.
     """
@@ -41,10 +44,10 @@ class Chooser:
         look, slots, held = choice.look, parameters.slots, arguments[-1]
         results = [np.zeros(look.nnz_out(i)) for i in range(3)]
         self.look = BoundFunction(look, arguments, results)
-        self.gradient, self._wanted, self._kept = results
+        self.gradient, self.wanted, self.kept = results
         self.sizes: tuple[int, int] = look.size_out(0)
-        self.selection, self._held = held[slots["selection"]], held[slots["held"]]
-        self._chosen_at = held[slots["chosen_at"]]
+        self.selection, self.held = held[slots["selection"]], held[slots["held"]]
+        self.chosen_at = held[slots["chosen_at"]]
         self.rows = np.zeros(self.gradient.size)
         self.chosen, self.left = np.zeros((2, self.sizes[0]), dtype=np.int64)
 
@@ -58,8 +61,8 @@ class Chooser:
         self.look.evaluate()
         self._choose()
         # Of an acceleration that keeps the constraints, elimination changes nothing.
-        self._held[:] = self._kept - self._wanted
-        self._chosen_at[:] = t
+        self.held[:] = self.kept - self.wanted
+        self.chosen_at[:] = t
 
     def _choose(self) -> None:
         # What a kernel is written with takes time to import; most tasks have no constraints.

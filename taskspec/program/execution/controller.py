@@ -19,7 +19,20 @@ from taskspec.program.ports import HEALTHY
 
 def tick(c: ControllerMemory) -> bool:
     """Evaluates the law into memory of its own; whether the tick may be done here."""
-    now, out = c.now, c.new_outputs
+    _measure(c)
+    _renew(c)
+    return _law(c)
+
+
+def first_tick(c: ControllerMemory) -> bool:
+    """The same of a stage that has just been opened."""
+    _measure(c)
+    return _law(c)
+
+
+def _measure(c: ControllerMemory) -> None:
+    """The model's terms, the wrench of the contact, and the time."""
+    now = c.now
     evaluate(c.terms)
     if c.zeroed.code != 0:
         copy(c.tip_rotation, c.turned, 9)
@@ -27,6 +40,11 @@ def tick(c: ControllerMemory) -> bool:
         copy(c.zeroed_wrench, c.wrench, 6)
     now[0] = float(c.stage_ticks) * c.period
     now[1] = float(c.ticks) * c.period
+
+
+def _law(c: ControllerMemory) -> bool:
+    """The torque of the law, within the limits; whether there is one that may be used here."""
+    out = c.new_outputs
     if c.has_last_torque:
         copy(c.torque, c.last_torque, c.n)
     evaluate(c.tick)
@@ -39,9 +57,35 @@ def tick(c: ControllerMemory) -> bool:
     return c.has_program == 0 or _resolve(c)
 
 
-def chooses_again(c: ControllerMemory) -> bool:
-    """Whether the coordinates that constraints decide are to be chosen again."""
-    return c.outputs[c.i_conditioning] < c.least_conditioning
+def _renew(c: ControllerMemory) -> None:
+    """Before a tick: the next piece of a move or path, the coordinates that constraints decide."""
+    t = float(c.stage_ticks) * c.period
+    if t >= c.next_knot:
+        refresh(c, t)
+    if c.outputs[c.i_conditioning] < c.least_conditioning:
+        _choose(c)
+        # Of an acceleration that keeps the constraints, elimination changes nothing.
+        kept, wanted, held, chosen_at = c.kept, c.wanted, c.held, c.chosen_at
+        for i in range(c.n):
+            held[i] = kept[i] - wanted[i]
+        chosen_at[0] = t
+        # Whoever makes this tick once more does not choose once more.
+        outputs = c.outputs
+        outputs[c.i_conditioning] = 1.0
+
+
+def _choose(c: ControllerMemory) -> None:
+    """Chooses the coordinates that constraints decide."""
+    evaluate(c.choice)
+    select(
+        c.gradient,
+        c.selection,
+        c.pivot_rows,
+        c.pivot_columns,
+        c.pivots_left,
+        c.n_constraints,
+        c.n_coordinates,
+    )
 
 
 def end(c: ControllerMemory) -> None:
@@ -78,18 +122,9 @@ def opened(c: ControllerMemory) -> bool:
     now[1] = float(c.ticks) * c.period
     copy(c.torque_before, c.torque, c.n)
     evaluate(c.entry)
-    c.next_knot = _first_knot(c)
+    c.next_knot = _next_knot(c, 0.0)
     if c.choice.code != 0:
-        evaluate(c.choice)
-        select(
-            c.gradient,
-            c.selection,
-            c.pivot_rows,
-            c.pivot_columns,
-            c.pivots_left,
-            c.n_constraints,
-            c.n_coordinates,
-        )
+        _choose(c)
     if c.asks or c.carries:
         evaluate(c.tick)
     if c.asks:
@@ -102,24 +137,66 @@ def opened(c: ControllerMemory) -> bool:
     return True
 
 
-def _first_knot(c: ControllerMemory) -> float:
-    """When the stage that has been entered comes to the next piece of a move or of its path."""
-    path_time, known, places = c.path_time, c.known_knots, c.cubic_places
-    own = path_time[0] if c.slowed else 0.0
+def _next_knot(c: ControllerMemory, t: float) -> float:
+    """When a move or the stage's path comes to its next piece, after stage time t [s]."""
+    known, places = c.known_knots, c.cubic_places
+    own = c.path_time[0] if c.slowed else t
     first, along = math.inf, math.inf
     for i in range(c.n_cubics):
-        knots = c.cubics[places[3 * i] :]
-        for k in range(places[3 * i + 1]):
-            if places[3 * i + 2] == 0 and knots[k] > 0.0:
-                first = min(first, knots[k])
-            if places[3 * i + 2] != 0 and knots[k] > own:
-                along = min(along, knots[k])
-    for k in range(c.n_known_knots):
-        if known[k] > own:
-            along = min(along, known[k])
-            break
+        knots, count = c.cubics[places[4 * i] :], places[4 * i + 1]
+        if places[4 * i + 2] == 0:
+            first = min(first, _after(knots, count, t))
+        else:
+            along = min(along, _after(knots, count, own))
+    along = min(along, _after(known, c.n_known_knots, own))
     # The path's time goes at most as fast as the stage's.
-    return min(first, along - own)
+    return min(first, t + (along - own)) if c.slowed else min(first, along)
+
+
+def _after(knots: Vector, count: int, x: float) -> float:
+    """The first of ascending knots that is beyond x; infinite for none."""
+    i = _passed(knots, count, x)
+    return knots[i] if i < count else math.inf
+
+
+def _passed(knots: Vector, count: int, x: float) -> int:
+    """How many of ascending knots are not beyond x."""
+    low, high = 0, count
+    while low < high:
+        middle = (low + high) // 2
+        if x < knots[middle]:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+def refresh(c: ControllerMemory, t: float) -> None:
+    """Writes the pieces that hold at stage time t [s] into the parameters."""
+    places, known = c.cubic_places, c.known_places
+    own = c.path_time[0] if c.slowed else t
+    for i in range(c.n_cubics):
+        x = t if places[4 * i + 2] == 0 else own
+        cubic, slot = c.cubics[places[4 * i] :], c.parameters[places[4 * i + 3] :]
+        _write_piece(cubic, places[4 * i + 1], x, slot)
+    if c.n_known:
+        # The first is the path's timing; the others are tables over what that gives.
+        timing = c.parameters[known[2] :]
+        _write_piece(c.known_cubics[known[0] :], known[1], own, timing)
+        s = own - timing[0]
+        s = timing[1] + s * (timing[2] + s * (timing[3] + s * timing[4]))
+        for i in range(1, c.n_known):
+            cubic, slot = c.known_cubics[known[3 * i] :], c.parameters[known[3 * i + 2] :]
+            _write_piece(cubic, known[3 * i + 1], s, slot)
+    c.next_knot = _next_knot(c, t)
+
+
+def _write_piece(cubic: Vector, count: int, x: float, slot: Vector) -> None:
+    """The piece that holds x of a cubic with some knots, before its coefficients; ends extend."""
+    i = min(max(_passed(cubic, count, x) - 1, 0), count - 2)
+    slot[0] = cubic[i]
+    for k in range(4):
+        slot[1 + k] = cubic[count + 4 * i + k]
 
 
 def _resolve(c: ControllerMemory) -> bool:

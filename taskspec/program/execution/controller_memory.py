@@ -25,7 +25,7 @@ class ControllerMemory(Evaluations):
     """
 
     PROGRAMS: ClassVar = frozenset({"assemble", "accept", "look", "left"})
-    ONCE: ClassVar = frozenset({"choice", "entry", "carrying", "leaving", "measuring"})
+    ONCE: ClassVar = frozenset({"entry", "carrying", "leaving", "measuring"})
     #: What the beginning of a stage needs.
     OPENING: ClassVar = frozenset({"choice", "entry", "carrying"})
 
@@ -57,7 +57,8 @@ class ControllerMemory(Evaluations):
     n_constraints: int  # that decide coordinates
     n_coordinates: int  # to choose from
     n_cubics: int  # of moves and of the path that follow from the entry
-    n_known_knots: int  # of the path that do not
+    n_known: int  # the path's timing and its tables, where they do not
+    n_known_knots: int  # of these
     slowed: int  # whether signals slow the path
     has_last_torque: int  # whether the tick reads the torque before
     has_program: int  # whether limits may need a program
@@ -120,7 +121,13 @@ class ControllerMemory(Evaluations):
     last: Vector
     cubics: Vector
     known_knots: Vector
+    known_cubics: Vector
+    parameters: Vector
     path_time: Vector
+    wanted: Vector
+    kept: Vector
+    held: Vector
+    chosen_at: Vector
     gradient: Vector
     selection: Vector
     pivot_rows: Vector
@@ -136,7 +143,8 @@ class ControllerMemory(Evaluations):
     recent_total: Vector
 
     limit_events: Words  # 1 for each event of the stage that is a limit
-    cubic_places: Words  # of each: where its knots are, how many, and whether it is the path's
+    cubic_places: Words  # of each: its first knot, knots, whether it is the path's, parameter
+    known_places: Words  # of each: its first knot, knots, parameter
     pivot_columns: Words
     pivots_left: Words
 
@@ -218,8 +226,12 @@ def _of_stage(shared: ControllerMemory, machine: Machine, runner: StageRunner) -
         n_known_knots=len(tracks.known),
         slowed=tracks.path_time is not None,
         cubics=tracks.numbers,
-        cubic_places=np.array(tracks.places, dtype=np.int64).reshape(-1),
+        cubic_places=tracks.cubic_places,
         known_knots=tracks.known,
+        n_known=len(tracks.known_places) // 3,
+        known_cubics=tracks.known_cubics,
+        known_places=tracks.known_places,
+        parameters=runner.parameters,
     )
     if tracks.path_time is not None:
         record.take(path_time=tracks.path_time)
@@ -232,6 +244,10 @@ def _of_stage(shared: ControllerMemory, machine: Machine, runner: StageRunner) -
         record.take(
             n_constraints=m,
             n_coordinates=c,
+            wanted=chooser.wanted,
+            kept=chooser.kept,
+            held=chooser.held,
+            chosen_at=chooser.chosen_at,
             gradient=chooser.gradient,
             selection=chooser.selection,
             pivot_rows=chooser.rows,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,10 @@ class Tracks:
     Attributes:
         numbers: of the cubics that follow from the entry, which writes them; see `StageEntry`.
         places: where the knots of each cubic are in there, how many, and whether it is the path's.
+        cubic_places: (4 cubics,) the same of each, and the parameter that has its piece.
+        known_cubics: the timing of a path that does not follow from the entry, and its tables: of
+            each the knots, then the coefficients row after row.
+        known_places: (3 known,) of each: where it is in there, its knots, its parameter.
         known: of the path's knots those that do not follow from the entry [s].
         path_time: (1,) of the stage's memory, where signals slow the path: its own time [s].
         next_knot: stage time [s] of the next change, infinite after the last.
@@ -52,10 +57,35 @@ class Tracks:
             known += entry.path.knots() + entry.path.timing.knots.tolist()
             self._along = place["segment.path"], entry.path.timing
             self._table = [(place[f"table.{a}"], s) for a, s in entry.path.splines.items()]
+        slots = stage.parameters.slots
+        names = list(entry.cubics)
+        self.cubic_places = np.array(
+            [
+                (at, count, along, slots[name].start)
+                for (at, count, along), name in zip(self.places, names, strict=True)
+            ],
+            dtype=np.int64,
+        ).reshape(-1)
+        self.known_cubics, self.known_places = np.zeros(0), np.zeros(0, dtype=np.int64)
+        if entry.path is not None:
+            tables = {f"table.{a}": spline for a, spline in entry.path.splines.items()}
+            self._lay({"segment.path": entry.path.timing, **tables}, slots)
         slot = stage.memory.slots.get(TIME)
         self.path_time = None if slot is None else memory[slot]
         self.known = np.array(sorted(known))
         self.next_knot = np.inf
+
+    def _lay(self, cubics: Mapping[str, PiecewiseCubic], slots: Mapping[str, slice]) -> None:
+        """Lays cubics that are known one after the other, by the parameters of their pieces."""
+        places: list[tuple[int, int, int]] = []
+        numbers: list[Vector] = []
+        at = 0
+        for name, cubic in cubics.items():
+            places.append((at, len(cubic.knots), slots[name].start))
+            numbers += [np.asarray(cubic.knots, dtype=np.float64), cubic.coefficients.ravel()]
+            at += len(cubic.knots) + cubic.coefficients.size
+        self.known_cubics = np.concatenate(numbers)
+        self.known_places = np.array(places, dtype=np.int64).reshape(-1)
 
     @property
     def duration(self) -> float:

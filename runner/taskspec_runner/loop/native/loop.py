@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -46,7 +45,6 @@ class NativeLoop:
     Attributes:
         look: whether it has stopped for the plant's alarms to be looked at.
         sensed: whether the next tick is Python's, and has been sensed.
-        stands: whether the next tick is Python's, from its beginning.
         ends: whether the next tick, which has been made, ends its stage: what follows is the
             matter of the next `run`.
         made: whether the machine has made the next tick, so that only its step and its record are
@@ -63,7 +61,7 @@ class NativeLoop:
         Raises:
             LayoutError: MuJoCo's data lie otherwise than expected.
         """
-        self.look = self.sensed = self.stands = self.ends = self.made = False
+        self.look = self.sensed = self.ends = self.made = False
         machine, plant, bus, sensing = loop.machine, loop.plant, loop.bus, loop.sensing
         # A plant that is elsewhere has no memory to share.
         assert isinstance(plant, Plant)
@@ -131,7 +129,7 @@ class NativeLoop:
         Raises:
             EngineError, UnsupportedOperationError: as `ready`.
         """
-        self.look = self.sensed = self.stands = self.made = False
+        self.look = self.sensed = self.made = False
         opening = self._leave(first, compiling) if self.ends else None
         if self.made:
             return 0
@@ -147,9 +145,7 @@ class NativeLoop:
             self._machine.runner.tracks.forget()
         while True:
             reason = self._run(record.address, first + most - c.ticks)
-            if reason == ticks.KNOT:
-                c.next_knot = self._refresh(float(c.stage_ticks) * c.period)
-            elif reason == ticks.NOISE and sensor is not None:
+            if reason == ticks.NOISE and sensor is not None:
                 sensor.draw()
                 record.noise_used = sensor.used
             else:
@@ -166,7 +162,7 @@ class NativeLoop:
             # It may be for a program, and more such ticks may come.
             record.interpret(programs=True)
         self.look, self.ends = reason == ticks.LOOK, reason == ticks.ENDS
-        self.sensed, self.stands = reason == ticks.SENSED, reason == ticks.WHOLE
+        self.sensed = reason == ticks.SENSED
         self._take_back(record)
         if opening is not None:
             carried = float(self._machine.runner.carried[0]) if opening.carries else 0.0
@@ -202,13 +198,6 @@ class NativeLoop:
         """Whether there is code for all that a stage's begin needs."""
         control = self._stages[index].control
         return control.ready(control.OPENING)
-
-    def _refresh(self, t: float) -> float:
-        """Has the stage have the pieces of stage time t [s]; when it is to have the next [s]."""
-        runner = self._machine.runner
-        runner.refresh(t)
-        # A piece may be shorter than numbers can tell, and is had for a tick all the same.
-        return max(runner.tracks.next_knot, math.nextafter(t, math.inf))
 
     def _record(self, first: int) -> TickMemory:
         """The record of the current stage, with the state of all that Python has changed."""

@@ -20,11 +20,10 @@ from taskspec_runner.loop.native.tick_memory import TickMemory
 from taskspec_runner.plant.rigid_constraints import MOST_ROUNDS
 from taskspec_runner.record.block import checksum
 
-#: Why `run` has returned: all ticks are done; the next tick is Python's, from its beginning; the
-#: noise is used up; the tick that has been sensed is Python's; the plant is to be looked at; the
-#: tick ends its stage; the stage that has been entered is Python's to open; a path or a move comes
-#: to its next piece.
-DONE, WHOLE, NOISE, SENSED, LOOK, ENDS, OPENS, KNOT = 0, 1, 2, 3, 4, 5, 6, 7
+#: Why `run` has returned: all ticks are done; the noise is used up; the tick that has been sensed
+#: is Python's; the plant is to be looked at; the tick ends its stage; the stage that has been
+#: entered is Python's to open.
+DONE, NOISE, SENSED, LOOK, ENDS, OPENS = 0, 1, 2, 3, 4, 5
 #: A warning's number is the upper half of the 64 bit that MuJoCo has of it.
 _ONE_WARNING = 0x100000000
 
@@ -33,15 +32,11 @@ def run(c: TickMemory, todo: int) -> int:
     """Up to `todo` ticks; why it has returned."""
     for _ in range(todo):
         if c.opens:
-            if not (controller.opened(c.control) and controller.tick(c.control)):
+            if not (controller.opened(c.control) and controller.first_tick(c.control)):
                 return OPENS
             c.torque_step = furthest(c.control.new_torque, c.control.last, c.control.n)
             c.opens = 0
         else:
-            if float(c.control.stage_ticks) * c.control.period >= c.control.next_knot:
-                return KNOT
-            if controller.chooses_again(c.control):
-                return WHOLE
             if c.noisy and c.noise_used == c.noise_drawn:
                 return NOISE
             _sense(c)
