@@ -131,7 +131,7 @@ def limited_states(count: int, seed: int, colliding: bool = True):
             if solution.status is Status.INFEASIBLE:
                 if not colliding:
                     continue
-                assert relax(problem, kinds, "daqp")
+                assert relax(problem, kinds)
                 solution = solver.solve(problem)
             found += 1
             yield states, problem, solution

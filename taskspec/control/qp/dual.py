@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from functools import cache
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
 from taskspec.control.qp.quadratic_program import Array, QuadraticProgram
 from taskspec.native import quadratic
 from taskspec.native.engine import Engine, available
+from taskspec.native.kernel import Record
 from taskspec.native.kernel_ir import kernel_ir, kernel_source
 from taskspec.native.quadratic import SOLVED, Workspace, workspace
 
@@ -29,17 +31,22 @@ class DualSolver:
         Raises:
             EngineError: there is no machine code here.
         """
-        m, n = problem.A.shape
-        self._solve = _compiled()
-        self.workspace: Workspace = workspace(n, m)
-        for name in ("flat_P", "g", "flat_A", "lower", "upper"):
-            setattr(self.workspace, name.removeprefix("flat_"), getattr(problem, name))
+        self._solve = by_code(quadratic.solve, quadratic)
+        self.workspace = sharing(problem)
         self.x: Array = np.asarray(self.workspace.x)
         self.dual: Array = np.asarray(self.workspace.y)
 
     def solve(self) -> bool:
         """Writes x and dual; whether they are the answer."""
-        return bool(self._solve(self.workspace.address) == SOLVED)
+        return bool(self._solve(self.workspace) == SOLVED)
+
+
+def sharing(problem: QuadraticProgram) -> Workspace:
+    """A workspace on the arrays of a problem."""
+    program = workspace(*reversed(problem.A.shape))
+    for name in ("flat_P", "g", "flat_A", "lower", "upper"):
+        setattr(program, name.removeprefix("flat_"), getattr(problem, name))
+    return program
 
 
 def dual_solver(problem: QuadraticProgram) -> DualSolver | None:
@@ -48,8 +55,23 @@ def dual_solver(problem: QuadraticProgram) -> DualSolver | None:
 
 
 @cache
-def _compiled() -> Any:
-    """The kernel's `solve`, compiled at once: an answer must not depend on what is kept."""
-    source = kernel_source(quadratic)
-    engine = Engine(lambda: [kernel_ir(quadratic.solve)], level=2, source=source)
-    return engine.function("solve", ctypes.c_int64, ctypes.c_void_p)
+def by_code(kernel: Callable[..., int], *modules: ModuleType) -> Callable[..., int]:
+    """A kernel of records as machine code, compiled at once; itself where there is none.
+
+    An answer must not depend on what is kept.
+
+    Args:
+        kernel: of records, which returns an int.
+        modules: as in `kernel_source`.
+    """
+    if not available():
+        return kernel
+    source = kernel_source(*modules)
+    engine = Engine(lambda: [kernel_ir(kernel)], level=2, source=source)
+    count = kernel.__code__.co_argcount
+    called = engine.function(kernel.__name__, ctypes.c_int64, *[ctypes.c_void_p] * count)
+
+    def by_addresses(*records: Record) -> int:
+        return int(called(*(record.address for record in records)))
+
+    return by_addresses

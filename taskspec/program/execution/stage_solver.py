@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.qp import QuadraticProgram, Solution, Status, make_solver
+from taskspec.control.qp.dual import by_code, sharing
 from taskspec.deferred_methods import dataclass
+from taskspec.native import quadratic
 from taskspec.program.bound import BoundFunction
-from taskspec.program.limits.bounds import JOINT, TORQUE
-from taskspec.program.limits.relaxing import relax
+from taskspec.program.limits import holding, relaxing
+from taskspec.program.limits.holding import hold
+from taskspec.program.limits.relaxing import widen
 from taskspec.program.limits.resolution import Resolution
 from taskspec.program.ports import INTERNAL, fields, slices
 
@@ -72,6 +75,8 @@ class StageSolver:
         status: of the last solve.
         counts: of all of them.
         own: the solver that is tried first; None where there is none.
+        program: the problem, as kernels have it.
+        relaxing, holding: what kernels work in where it has no answer.
         assemble: writes the program; accept: judges an answer, into `accepted`, `residual`,
             `binding` and `found_cut`.
         applied: (n,) torque of the tick before.
@@ -134,7 +139,6 @@ class StageSolver:
         self.residual, self.binding = np.zeros(1), np.zeros(1)
         factor, requests = np.zeros(n * n), np.zeros(r * n)
         parts = (problem.flat_P, problem.flat_A, factor, requests)
-        self._factor = factor.reshape(n, n)
         self.assemble = BoundFunction(resolution.assemble, (pieces,), parts)
         most = np.array(resolution.torques.most, dtype=np.float64)
         step = np.full(n, resolution.torques.step)
@@ -145,6 +149,9 @@ class StageSolver:
             results,
         )
         self._solver = make_solver(resolution.solver, n, m)
+        self.program = sharing(problem) if self.own is None else self.own.workspace
+        self.relaxing = relaxing.relaxing(n, [row.kind for row in resolution.rows])
+        self.holding = holding.holding(resolution, factor, self.applied)
         self.nearest = (
             NearestForces(resolution, arguments, own) if resolution.look is not None else None
         )
@@ -209,30 +216,20 @@ class StageSolver:
         solution = self._solver.solve(self._problem, finite=True)
         if solution.status is Status.INFEASIBLE:
             self.counts.relaxed += 1
-            kinds = [row.kind for row in self.resolution.rows]
-            if relax(self._problem, kinds, self.resolution.solver):
+            if by_code(widen, relaxing, quadratic)(self.relaxing, self.program):
                 solution = self._solver.solve(self._problem)
         return self._take(solution)
 
     def hold(self, torque: Vector) -> None:
         """Takes the torque nearest to (n,) `torque` that keeps limits, on a tick without an answer.
 
-        Torques and their rate are kept in any case. The joints' rows are kept with them by an
-        exact solver, unless it has no answer either: numbers were not finite, or the rows collide.
-        What a joint then does beyond its limits stops the run.
+        See `holding.hold`.
         """
-        torques = self.resolution.torques
-        near = torques.nearest(torque, self.applied)
-        hard = [i for i, row in enumerate(self.resolution.rows) if row.kind in (TORQUE, JOINT)]
-        if hard and math.isfinite(self._outputs[_VIOLATION]):
-            least = QuadraticProgram.empty(len(torque), len(hard))
-            least.g[:] = -np.linalg.solve(self._factor, near - self._torque)
-            least.A[:] = self._problem.A[hard]
-            least.lower[:], least.upper[:] = self._problem.lower[hard], self._problem.upper[hard]
-            solution = make_solver("daqp", len(torque), len(hard)).solve(least)
-            if solution.status is Status.SOLVED:
-                near = self._torque + self._factor @ solution.x
-        self._torque[:] = torques.nearest(near, self.applied)
+        held: Any = self.holding
+        held.law, held.wanted = self._torque, torque
+        held.finite = math.isfinite(self._outputs[_VIOLATION])
+        by_code(hold, holding, relaxing, quadratic)(held, self.program)
+        self._torque[:] = held.near
 
     def _take(self, solution: Solution) -> bool:
         self.status = solution.status

@@ -59,13 +59,6 @@ class TorqueRange:
     most: Vector
     step: float
 
-    def nearest(self, torque: Vector, last: Vector) -> Vector:
-        """The torque (n,) within the range that is nearest to `torque`, after `last` (n,)."""
-        lowest = np.minimum(np.maximum(-self.most, last - self.step), self.most)
-        highest = np.maximum(np.minimum(self.most, last + self.step), -self.most)
-        near: Vector = np.clip(torque, lowest, highest)
-        return near
-
 
 class Bounds:
     """Rows with their bounds, one after the other."""
