@@ -14,7 +14,7 @@ from taskspec.native import quadratic
 from taskspec.native.engine import Engine, available
 from taskspec.native.kernel import Record
 from taskspec.native.kernel_ir import kernel_ir, kernel_source
-from taskspec.native.quadratic import SOLVED, Workspace, workspace
+from taskspec.native.quadratic import Workspace, workspace
 
 
 class DualSolver:
@@ -36,9 +36,9 @@ class DualSolver:
         self.x: Array = np.asarray(self.workspace.x)
         self.dual: Array = np.asarray(self.workspace.y)
 
-    def solve(self) -> bool:
-        """Writes x and dual; whether they are the answer."""
-        return bool(self._solve(self.workspace) == SOLVED)
+    def solve(self) -> int:
+        """Writes x and dual, the answer where it returns SOLVED; see `quadratic.solve`."""
+        return self._solve(self.workspace)
 
 
 def sharing(problem: QuadraticProgram) -> Workspace:

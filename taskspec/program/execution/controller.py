@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 
 from taskspec.native.kernel import Vector
-from taskspec.native.quadratic import SOLVED, solve
+from taskspec.native.quadratic import INFEASIBLE, SOLVED, solve
 from taskspec.program.evaluation import evaluate
 from taskspec.program.execution.controller_memory import ControllerMemory
 from taskspec.program.execution.pivots import select
 from taskspec.program.execution.stage_solver import EXACT, WORST_RESIDUAL
+from taskspec.program.limits.relaxing import widen
 from taskspec.program.ports import HEALTHY
 
 
@@ -229,7 +230,12 @@ def _limits_kept(c: ControllerMemory) -> bool:
     if c.solves == 0 or not math.isfinite(out[c.i_violation]):
         return False
     evaluate(c.assemble)
-    if solve(c.limits) != SOLVED:
+    state, relaxed = solve(c.limits), 0
+    if state == INFEASIBLE:
+        relaxed = 1
+        if widen(c.relaxing, c.limits) != 0:
+            state = solve(c.limits)
+    if state != SOLVED:
         return False
     copy(c.torque, c.solver_last, c.n)
     evaluate(c.accept)
@@ -237,6 +243,7 @@ def _limits_kept(c: ControllerMemory) -> bool:
     if not residual[0] <= WORST_RESIDUAL:
         return False
     c.solved += 1
+    c.relaxed += relaxed
     c.worst = max(c.worst, residual[0])
     copy(c.accepted, c.new_torque, c.n)
     out[c.i_residual] = residual[0]

@@ -11,6 +11,8 @@ from taskspec.native.kernel import Vector, Words
 from taskspec.native.quadratic import Workspace
 from taskspec.program.evaluation import Evaluation, Evaluations
 from taskspec.program.execution.compiled_terms import CompiledTerms
+from taskspec.program.limits.holding import Holding
+from taskspec.program.limits.relaxing import Relaxing
 from taskspec.program.ports import fields, slices
 
 if TYPE_CHECKING:
@@ -65,6 +67,9 @@ class ControllerMemory(Evaluations):
     solves: int  # whether the programs are solved here
     asks: int  # whether forces are asked of contacts
     solved: int  # programs solved
+    relaxed: int  # of them, with limits that collided
+    relaxing: Relaxing  # what that works in
+    holding: Holding  # what a tick without an answer works in
     limits: Workspace  # the program of the limits
     nearest: Workspace  # that of the forces that contacts return
     clear: int  # whether no limit was in the way
@@ -285,6 +290,8 @@ def _take_programs(
     record.assemble = Evaluation(solver.assemble)
     record.accept = Evaluation(solver.accept, scratch)
     record.take(
+        relaxing=solver.relaxing,
+        holding=solver.holding,
         limits=solver.own.workspace,
         solver_last=solver.applied,
         accepted=solver.accepted,

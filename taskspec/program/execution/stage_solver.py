@@ -13,6 +13,7 @@ from taskspec.control.qp import QuadraticProgram, Solution, Status, make_solver
 from taskspec.control.qp.dual import by_code, sharing
 from taskspec.deferred_methods import dataclass
 from taskspec.native import quadratic
+from taskspec.native.quadratic import INFEASIBLE, SOLVED
 from taskspec.program.bound import BoundFunction
 from taskspec.program.limits import holding, relaxing
 from taskspec.program.limits.holding import hold
@@ -211,14 +212,24 @@ class StageSolver:
         if not math.isfinite(self._outputs[_VIOLATION]):
             return self._take(Solution(self._x, self._dual, Status.NOT_FINITE, 0))
         self.assemble.evaluate()
-        if self.own is not None and self.own.solve() and self._good():
-            return True
+        relaxed = False
+        if self.own is not None:
+            state = self.own.solve()
+            if state == INFEASIBLE:
+                relaxed = True
+                if self._relax():
+                    state = self.own.solve()
+            if state == SOLVED and self._good():
+                return True
         solution = self._solver.solve(self._problem, finite=True)
-        if solution.status is Status.INFEASIBLE:
-            self.counts.relaxed += 1
-            if by_code(widen, relaxing, quadratic)(self.relaxing, self.program):
-                solution = self._solver.solve(self._problem)
+        if solution.status is Status.INFEASIBLE and not relaxed and self._relax():
+            solution = self._solver.solve(self._problem)
         return self._take(solution)
+
+    def _relax(self) -> bool:
+        """Relaxes limits that collide; whether that succeeded."""
+        self.counts.relaxed += 1
+        return bool(by_code(widen, relaxing, quadratic)(self.relaxing, self.program))
 
     def hold(self, torque: Vector) -> None:
         """Takes the torque nearest to (n,) `torque` that keeps limits, on a tick without an answer.
@@ -313,7 +324,7 @@ class NearestForces:
     def find(self) -> Vector | None:
         """The part of the requests (r,) that is not returned; None without an answer."""
         self.look.evaluate()
-        if self.own is None or not self.own.solve():
+        if self.own is None or self.own.solve() != SOLVED:
             solution = self._solver.solve(self._problem)
             if solution.status is not Status.SOLVED:
                 self._solver.rebuild()

@@ -17,6 +17,7 @@ from taskspec.program.evaluation import Evaluation
 from taskspec.program.execution import controller, controller_memory, pivots, stage_solver
 from taskspec.program.execution.controller_memory import controller_memories
 from taskspec.program.execution.machine import Opening
+from taskspec.program.limits import relaxing
 from taskspec_runner.loop.closed_loop import LOOK_EVERY, ClosedLoop
 from taskspec_runner.loop.native import tick_memory, ticks
 from taskspec_runner.loop.native.tick_memory import LIBRARY, TickMemory
@@ -33,7 +34,7 @@ Vector = NDArray[np.float64]
 #: Where the loop has its functions, its record and its constants.
 _MODULES = (
     *(ticks, tick_memory, controller, controller_memory, evaluation, quadratic, pivots),
-    *(stage_solver, ports, rigid_constraints, log_block),
+    *(stage_solver, relaxing, ports, rigid_constraints, log_block),
 )
 
 
@@ -217,6 +218,7 @@ class NativeLoop:
             c.solves = runner.solver.own is not None and c.ready(c.PROGRAMS)
             c.clear, c.paring = runner.solver.clear, runner.solver.paring
             c.solved, c.worst = runner.solver.counts.solved, runner.solver.counts.worst
+            c.relaxed = runner.solver.counts.relaxed
         if self._room:
             record.recorded, record.row = first, first % self._room
         return record
@@ -234,6 +236,7 @@ class NativeLoop:
         if solver is not None:
             solver.clear, solver.paring = bool(c.clear), bool(c.paring)
             solver.counts.solved, solver.counts.worst = c.solved, c.worst
+            solver.counts.relaxed = c.relaxed
         if self.look:
             # Whoever looks sees the clock of the last look, and this step's force.
             self._plant.arm.read_forces()
