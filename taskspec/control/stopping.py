@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from taskspec.native.kernel import Vector, Words, vector
+
+Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Time constant in which joint velocities decay, free of contact [s].
@@ -21,13 +23,13 @@ def decay_time(period: float) -> float:
 
 
 def stopping_torque(
-    inertia: Vector,
-    gravity: Vector,
-    velocity: Vector,
-    most: Vector,
+    inertia: Array,
+    gravity: Array,
+    velocity: Array,
+    most: Array,
     decay: float,
     unheard: Mask | None = None,
-) -> Vector:
+) -> Array:
     """Torques (n,) that carry the arm and take its motion away [N m, N].
 
     tau = g(q) - s H(q) q' / T
@@ -48,19 +50,58 @@ def stopping_torque(
         decay: T [s].
         unheard: (n,) joints whose velocity nobody knows; None for none.
     """
-    if unheard is not None:
-        velocity = np.where(unheard, 0.0, velocity)
-    damping = -(inertia @ velocity) / decay
-    if unheard is not None:
-        damping[unheard] = 0.0
-    left = np.where(damping > 0, most - gravity, most + gravity)
-    acts = damping != 0
-    shares = np.maximum(left[acts], 0.0) / np.abs(damping[acts])
-    share = min(1.0, float(shares.min(initial=1.0)))
-    return np.asarray(np.clip(gravity + share * damping, -most, most))
+    n = len(gravity)
+    silent = np.zeros(n, dtype=np.int64) if unheard is None else unheard.astype(np.int64)
+    torque, packed = np.zeros(n), np.asarray(inertia)[np.tril_indices(n)]
+    H, g, v, limit, silence, found = (
+        vector(np.ascontiguousarray(each))
+        for each in (packed, gravity, velocity, most, silent, torque)
+    )
+    stopping(H, g, v, limit, silence, decay, found, n)
+    return torque
 
 
-def within_rate(torque: Vector, before: Vector, step: Vector, most: Vector) -> Vector:
+def stopping(
+    inertia: Vector,
+    gravity: Vector,
+    velocity: Vector,
+    most: Vector,
+    unheard: Words,
+    decay: float,
+    torque: Vector,
+    n: int,
+) -> None:
+    """Writes what `stopping_torque` gives; a kernel.
+
+    The inertia is its lower triangle, row after row; unheard has a 1 for each joint that nobody
+    measures.
+    """
+    share = 1.0
+    for i in range(n):
+        damping = 0.0
+        for j in range(n):
+            row, column = max(i, j), min(i, j)
+            if unheard[j] == 0:
+                damping += inertia[row * (row + 1) // 2 + column] * velocity[j]
+        damping = 0.0 if unheard[i] != 0 else -damping / decay
+        torque[i] = damping
+        left = most[i] - gravity[i] if damping > 0.0 else most[i] + gravity[i]
+        if damping != 0.0:
+            share = min(share, max(left, 0.0) / abs(damping))
+    for i in range(n):
+        torque[i] = min(max(gravity[i] + share * torque[i], -most[i]), most[i])
+
+
+def within(
+    wanted: Vector, before: Vector, step: Vector, most: Vector, torque: Vector, n: int
+) -> None:
+    """Writes what `within_rate` gives; a kernel."""
+    for i in range(n):
+        near = min(max(wanted[i], before[i] - step[i]), before[i] + step[i])
+        torque[i] = min(max(near, -most[i]), most[i])
+
+
+def within_rate(torque: Array, before: Array, step: Array, most: Array) -> Array:
     """The torques (n,) nearest to `torque` that a rate allows [N m, N].
 
     Args:

@@ -61,7 +61,10 @@ def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -
     last stage's limits and the robot's protection have.
     """
     machine, bus = closed.machine, closed.bus
-    step_most, undamped = period * _rates(machine), np.zeros(len(machine.torque), dtype=np.bool_)
+    step_most, undamped = (
+        period * machine.stage.plan.torque_rates,
+        np.zeros(len(machine.torque), dtype=np.bool_),
+    )
     most, decay = plant.scene.arm.robot.torque_limit, decay_time(period)
     clock, t, stage = (bus.slices[name].start for name in ("clock", "t", "stage"))
     commanded = [
@@ -96,17 +99,6 @@ def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -
         if alarm is not None:
             return Brought(alarm[1], _numbers(undamped))
     return Brought("", _numbers(undamped))
-
-
-def _rates(machine: Machine) -> Vector:
-    """(n,) how fast each torque may change [N m/s, N/s]; inf where nobody says."""
-    plan = machine.stage.plan
-    found = np.full(len(machine.torque), plan.limits.torque_rate or np.inf)
-    protection = plan.context.loaded.task.robot.protection
-    joints = None if protection is None else protection.joints
-    if joints is not None and joints.torque_rate is not None:
-        found = np.minimum(found, np.asarray(joints.torque_rate))
-    return found
 
 
 def _numbers(joints: NDArray[np.bool_]) -> tuple[int, ...]:

@@ -8,14 +8,25 @@ from __future__ import annotations
 
 import math
 
+from taskspec.control.stopping import stopping, within
 from taskspec.native.kernel import Vector
 from taskspec.native.quadratic import INFEASIBLE, SOLVED, solve
 from taskspec.program.evaluation import evaluate
 from taskspec.program.execution.controller_memory import ControllerMemory
+from taskspec.program.execution.exits import enter, follows
 from taskspec.program.execution.pivots import select
-from taskspec.program.execution.stage_solver import EXACT, WORST_RESIDUAL
+from taskspec.program.execution.stage_solver import EXACT, HELD_TICKS, WORST_RESIDUAL
+from taskspec.program.limits.holding import hold
 from taskspec.program.limits.relaxing import widen
 from taskspec.program.ports import HEALTHY
+from taskspec.program.world.estimated_frames import MEASURED
+
+#: Why a run cannot go on: no program has had an answer, or numbers are not those of a sane arm.
+UNANSWERED, DIVERGED = -1, -2
+#: The frame of a stage that follows has not been estimated; beside `exits.OVER` and `TRIED`.
+UNKNOWN = -3
+#: For how long at most a limit that has led to a stage does not count again [s].
+RESTS = 0.5
 
 
 def tick(c: ControllerMemory) -> bool:
@@ -92,6 +103,11 @@ def _choose(c: ControllerMemory) -> None:
 def end(c: ControllerMemory) -> None:
     """Leaves the tick that ends a stage to the machine."""
     copy(c.torque, c.torque_before, c.n)
+    _hand_on(c)
+
+
+def _hand_on(c: ControllerMemory) -> None:
+    """Hands on what the next stage takes up."""
     copy(c.new_torque, c.torque, c.n)
     copy(c.new_torque, c.last, c.n)
     copy(c.new_outputs, c.outputs, c.n_outputs)
@@ -113,6 +129,149 @@ def _add_up(c: ControllerMemory) -> None:
             total[i] += row[i]
 
 
+def start(c: ControllerMemory) -> None:
+    """Begins the task at its first stage, whose memory this is, from rest at what is measured."""
+    _measure(c)
+    copy(c.gravity, c.torque, c.n)
+    copy(c.gravity, c.torque_before, c.n)
+    zero(c.handed, c.n_handed)
+    copy(c.tip_position, c.handed[c.i_handed_p :], 3)
+    copy(c.tip_rotation, c.handed[c.i_handed_R :], 9)
+    begin(c, c, 0)
+    c.carries = 0
+    opened(c)
+    evaluate(c.tick)
+    copy(c.new_outputs, c.outputs, c.n_outputs)
+
+
+def control(c: ControllerMemory) -> int:
+    """One period of the current stage, on what is measured, where nobody else decides anything.
+
+    The event that ends the stage, for `leave`; 0 for none; UNANSWERED where the program has had no
+    answer for too long, DIVERGED where numbers are not those of a sane arm.
+    """
+    _measure(c)
+    _renew(c)
+    copy(c.torque, c.torque_before, c.n)
+    return _decided(c)
+
+
+def open_stage(c: ControllerMemory) -> int:
+    """The same of a stage that `begin` has handed the run to, at the same instant."""
+    opened(c)
+    memory = c.memory
+    for k in range(c.n_rests):
+        if c.rests[k] > 0.0 and c.resting[k] >= 0:
+            memory[c.resting[k]] = c.rests[k]
+    return _decided(c)
+
+
+def _decided(c: ControllerMemory) -> int:
+    """Makes the tick; see `control`."""
+    out, fading = c.new_outputs, c.fading
+    if c.has_last_torque:
+        copy(c.torque, c.last_torque, c.n)
+    evaluate(c.tick)
+    answered = c.has_program == 0 or _resolve(c)
+    event = int(out[0])
+    limit = event != 0 and c.limit_events[event - 1] != 0
+    if answered:
+        fading[0] = 0
+    else:
+        over = _fade(c)
+        if over or not limit:
+            copy(c.new_torque, c.torque, c.n)
+            copy(out, c.outputs, c.n_outputs)
+            c.stage_ticks += 1
+            return UNANSWERED if over else 0
+    if limit or (event != 0 and c.stage_ticks > 0):
+        _hand_on(c)
+        return event
+    commit(c)
+    c.stage_ticks += 1
+    return 0 if out[c.i_health] < HEALTHY else DIVERGED
+
+
+def _fade(c: ControllerMemory) -> bool:
+    """Has the torque fade to what carries the arm; whether its time is over."""
+    fading, out, wanted = c.fading, c.new_outputs, c.holding.wanted
+    if fading[0] == 0:
+        copy(c.torque_before, c.fade_from, c.n)
+    fading[0] += 1
+    share = max(0.0, 1.0 - float(fading[0]) / float(HELD_TICKS))
+    for i in range(c.n):
+        wanted[i] = c.gravity[i] + share * (c.fade_from[i] - c.gravity[i])
+    copy(c.new_torque, c.holding.law, c.n)
+    copy(c.torque_before, c.holding.before, c.n)
+    c.holding.finite = int(math.isfinite(out[c.i_violation]))
+    hold(c.holding, c.limits)
+    copy(c.holding.near, c.new_torque, c.n)
+    # What the tick could not compute is no reason to stop yet.
+    out[c.i_health] = 0.0
+    return fading[0] > HELD_TICKS
+
+
+def leave(c: ControllerMemory) -> int:
+    """Ends the stage by the event of its tick, on which it has handed on what it has to.
+
+    The number of the stage that follows, for `begin`; OVER where the task is at its end, TRIED
+    where that stage has had its attempts, UNKNOWN where its frame has not been estimated.
+    """
+    event, handed, rests = int(c.outputs[0]), c.handed, c.rests
+    to = follows(c.exits, c.stage, event)
+    if to < 0:
+        return to
+    handed[c.i_handed_same] = float(c.alike[to])
+    _estimate(c)
+    for k in range(c.needs[to], c.needs[to + 1]):
+        if c.estimated[c.needed[k]] != MEASURED:
+            return UNKNOWN
+    t = float(c.stage_ticks) * c.period
+    for k in range(c.n_rests):
+        rests[k] = 0.0
+        if c.resting[k] >= 0:
+            rests[k] = max(0.0, c.memory[c.resting[k]] - t)
+    if c.reactions_of[event - 1] >= 0:
+        rests[c.reactions_of[event - 1]] = RESTS
+    return to
+
+
+def _estimate(c: ControllerMemory) -> None:
+    """Takes what the stage has estimated: frames, and the sensor's zero."""
+    count, left = c.estimate_count, c.taring_zero
+    if c.measuring.code != 0:
+        count[0] = float(min(c.estimate_ticks, c.estimate_room))
+        copy(c.tip_position, c.estimate_tip, 3)
+        evaluate(c.measuring)
+    if c.tares:
+        if c.taring_count[0] != 0.0:
+            for i in range(6):
+                left[i] = c.taring_total[i] / c.taring_count[0]
+        copy(c.tip_rotation, c.turned, 9)
+        evaluate(c.zeroed)
+        copy(c.zeroed_wrench, c.wrench, 6)
+
+
+def begin(c: ControllerMemory, after: ControllerMemory, again: int) -> None:
+    """Hands a run on to the stage that follows; `again` where that is the same, repeated."""
+    now, count = c.now, c.taring_count
+    after.carries = c.carries_of[max(int(c.outputs[0]), 1) - 1]
+    enter(c.exits, after.stage, again != 0)
+    now[2 + after.stage] += 1.0
+    after.ticks, after.stage_ticks, after.estimate_ticks = c.ticks, 0, 0
+    if c.zeroed.code != 0:
+        zero(c.taring_total, 6)
+        count[0] = 0.0
+
+
+def stop(c: ControllerMemory) -> None:
+    """The torque that brings the arm to rest, on what is measured."""
+    _measure(c)
+    copy(c.torque, c.torque_before, c.n)
+    stopping(c.inertia, c.gravity, c.v, c.most, c.unheard, c.decay, c.new_torque, c.n)
+    within(c.new_torque, c.torque_before, c.stop_step, c.most, c.torque, c.n)
+
+
 def opened(c: ControllerMemory) -> bool:
     """Enters a stage: memory and parameters, coordinates, forces that come back, what is carried.
 
@@ -122,6 +281,9 @@ def opened(c: ControllerMemory) -> bool:
     now[0] = 0.0
     now[1] = float(c.ticks) * c.period
     copy(c.torque_before, c.torque, c.n)
+    for k in range(c.needs[c.stage], c.needs[c.stage + 1]):
+        pose = c.entry_poses[12 * (k - c.needs[c.stage]) :]
+        copy(c.estimated_poses[12 * c.needed[k] :], pose, 12)
     evaluate(c.entry)
     c.next_knot = _next_knot(c, 0.0)
     if c.choice.code != 0:
@@ -129,7 +291,7 @@ def opened(c: ControllerMemory) -> bool:
     if c.asks or c.carries:
         evaluate(c.tick)
     if c.asks:
-        if not _settled(c):
+        if not _settled(c) and c.alone == 0:
             return False
         if c.paring:
             evaluate(c.tick)
@@ -207,7 +369,8 @@ def _resolve(c: ControllerMemory) -> bool:
     copy(c.cut, c.cut_before, c.n_requests)
     if not _limits_kept(c):
         return False
-    if (out[c.i_unsettled] != 0.0 or c.paring != 0) and not _settled(c):
+    settled = (out[c.i_unsettled] == 0.0 and c.paring == 0) or _settled(c)
+    if not settled and c.alone == 0:
         # Python makes this tick, from what there was before.
         copy(c.cut_before, c.cut, c.n_requests)
         limited[0] = was_limited
@@ -276,6 +439,8 @@ def _settled(c: ControllerMemory) -> bool:
         return False
     evaluate(c.look)
     if solve(c.nearest) != SOLVED:
+        # Where nobody else tries, requests stay cut as they are.
+        c.paring = c.alone
         return False
     evaluate(c.left)
     copy(c.left_over, c.unreachable, c.n_requests)

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from taskspec.control.stopping import decay_time
 from taskspec.native.kernel import Vector, Words
 from taskspec.native.quadratic import Workspace
 from taskspec.program.evaluation import Evaluation, Evaluations
+from taskspec.program.events import FAIL_IF, REACTION
 from taskspec.program.execution.compiled_terms import CompiledTerms
+from taskspec.program.execution.exits import ExitTable
 from taskspec.program.limits.holding import Holding
 from taskspec.program.limits.relaxing import Relaxing
-from taskspec.program.ports import fields, slices
+from taskspec.program.ports import HANDED, fields, slices
+from taskspec.program.stages.conditions import resting
+from taskspec.program.stages.stage import CompiledStage
+from taskspec.spec.limits import REACTING
 
 if TYPE_CHECKING:
     from taskspec.program.execution.machine import Machine
@@ -45,12 +52,16 @@ class ControllerMemory(Evaluations):
     carrying: Evaluation
     measuring: Evaluation
 
+    # which stage follows
+    exits: ExitTable
+
     # how far it is
     ticks: int  # of the run
     stage_ticks: int  # of the stage
     stage: int  # its number
     carries: int  # whether its torque goes on from that of the stage before
 
+    alone: int  # whether there is nobody to whom a tick could be left
     n: int  # joints
     n_reactions: int  # constraint equations
     n_outputs: int  # outputs of the tick
@@ -78,6 +89,8 @@ class ControllerMemory(Evaluations):
     estimates: int  # whether the stage measures a frame
     estimate_ticks: int  # ticks of that
     estimate_room: int  # ticks that it looks back
+    n_handed: int  # numbers that go from stage to stage
+    n_rests: int  # limits that may lead to a stage
 
     # where the outputs have what the kernel reads
     i_conditioning: int
@@ -89,10 +102,16 @@ class ControllerMemory(Evaluations):
     i_limited: int
     i_residual: int
 
+    # where the numbers that go from stage to stage have what the kernel writes
+    i_handed_p: int
+    i_handed_R: int
+    i_handed_same: int
+
     period: float  # of control [s]
     next_knot: float  # stage time at which a path or move changes [s]
     least_conditioning: float  # below which coordinates are chosen again
     worst: float  # residual of an answer that was used
+    decay: float  # time constant in which an arm is brought to rest [s]
 
     # the inputs
     q: Vector
@@ -100,6 +119,12 @@ class ControllerMemory(Evaluations):
     wrench: Vector
     reactions: Vector
     now: Vector
+
+    # of the model's terms
+    inertia: Vector
+    gravity: Vector
+    tip_position: Vector
+    tip_rotation: Vector
 
     # the tick: what holds, and what a tick makes of it
     torque: Vector
@@ -122,8 +147,16 @@ class ControllerMemory(Evaluations):
     left_over: Vector
     solver_last: Vector
 
+    # a tick without an answer, and an arm that is brought to rest
+    fade_from: Vector
+    most: Vector
+    stop_step: Vector
+
     # a stage that is opened
     last: Vector
+    handed: Vector
+    rests: Vector
+    entry_poses: Vector
     cubics: Vector
     known_knots: Vector
     known_cubics: Vector
@@ -138,7 +171,6 @@ class ControllerMemory(Evaluations):
     pivot_rows: Vector
 
     # the sensor's zero, and forces that frames are estimated by
-    tip_rotation: Vector
     turned: Vector
     zeroed_wrench: Vector
     taring_total: Vector
@@ -146,7 +178,20 @@ class ControllerMemory(Evaluations):
     taring_count: Vector
     recent: Vector
     recent_total: Vector
+    taring_zero: Vector
+    estimate_count: Vector
+    estimate_tip: Vector
+    estimated: Vector
+    estimated_poses: Vector
 
+    fading: Words  # ticks without an answer
+    unheard: Words  # 1 for each joint that nobody measures
+    alike: Words  # 1 for each stage that keeps track of the same mechanism
+    resting: Words  # of each limit that may lead to a stage: where the memory has its rest, or -1
+    reactions_of: Words  # of each event: the limit that leads to a stage by it, or -1
+    carries_of: Words  # of each event: whether the torque goes on in the stage that follows
+    needs: Words  # of all stages: where `needed` has their estimated frames
+    needed: Words  # numbers of frames
     limit_events: Words  # 1 for each event of the stage that is a limit
     cubic_places: Words  # of each: its first knot, knots, whether it is the path's, parameter
     known_places: Words  # of each: its first knot, knots, parameter
@@ -170,6 +215,25 @@ def _shared(machine: Machine) -> ControllerMemory:
     )
     assert isinstance(machine.terms, CompiledTerms)
     record.terms = Evaluation(machine.terms.bound)
+    inertia, _, gravity, _, position, rotation, _ = machine.terms.arrays
+    handed, stages = slices(HANDED), [runner.stage for runner in machine.runners]
+    record.exits = machine.counts
+    record.take(
+        inertia=inertia,
+        gravity=gravity,
+        tip_position=position,
+        tip_rotation=rotation,
+        handed=machine.handed,
+        n_handed=len(machine.handed),
+        **{f"i_handed_{name}": handed[name].start for name in ("p", "R", "same")},
+        rests=np.zeros(len(REACTING)),
+        n_rests=len(REACTING),
+        fade_from=np.zeros(len(machine.q)),
+        fading=np.zeros(1, dtype=np.int64),
+        unheard=np.zeros(len(machine.q), dtype=np.int64),
+        decay=decay_time(machine.period),
+        **_needs(machine, stages),
+    )
     record.take(
         n=len(machine.q),
         n_reactions=len(machine.reactions),
@@ -192,18 +256,22 @@ def _shared(machine: Machine) -> ControllerMemory:
     if zero is not None:
         record.zeroed = Evaluation(zero.function)
         record.take(
-            tip_rotation=machine.terms.rotation,
             turned=zero.turned,
             zeroed_wrench=zero.wrench,
             taring_total=zero.total,
             taring_left=zero.left,
             taring_count=zero.count,
+            taring_zero=zero.zero,
         )
     if estimates is not None:
         record.take(
             estimate_room=len(estimates.recent),
             recent=estimates.recent.reshape(-1),
             recent_total=estimates.total,
+            estimate_count=estimates.count,
+            estimate_tip=estimates.tip,
+            estimated=estimates.found,
+            estimated_poses=estimates.poses,
         )
     return record
 
@@ -240,6 +308,17 @@ def _of_stage(shared: ControllerMemory, machine: Machine, runner: StageRunner) -
     )
     if tracks.path_time is not None:
         record.take(path_time=tracks.path_time)
+    record.take(
+        stage=machine.runners.index(runner),
+        carries=False,
+        entry_poses=runner.poses,
+        **_events(machine, runner),
+    )
+    estimates = machine.estimation.estimates
+    if estimates is not None and runner.stage.name in estimates.ends:
+        record.measuring = Evaluation(estimates.ends[runner.stage.name])
+        record.estimates = True
+    record.tares = runner.stage.plan.spec.tare and machine.sensor is not None
     limits = np.array([each.is_limit for each in runner.stage.events], dtype=np.int64)
     record.take(limit_events=limits)
     chooser = runner.chooser
@@ -262,6 +341,40 @@ def _of_stage(shared: ControllerMemory, machine: Machine, runner: StageRunner) -
     if solver is not None:
         _take_programs(record, runner, scratch)
     return record
+
+
+def _needs(machine: Machine, stages: Sequence[CompiledStage]) -> dict[str, NDArray[np.int64]]:
+    """The estimated frames that each stage is placed in."""
+    estimates = machine.estimation.estimates
+    names = () if estimates is None else estimates.names
+    of_stages = [[names.index(name) for name in stage.entry.poses] for stage in stages]
+    ends = np.cumsum([0, *map(len, of_stages)], dtype=np.int64)
+    flat = np.array([number for numbers in of_stages for number in numbers], dtype=np.int64)
+    return {"needs": ends, "needed": flat}
+
+
+def _events(machine: Machine, runner: StageRunner) -> dict[str, NDArray[Any]]:
+    """What the events of a stage are followed by, and what an arm is brought to rest with."""
+    stage, kinds = runner.stage, [event.kind for event in runner.stage.events]
+    reactions = [
+        REACTING.index(event.name) if event.kind == REACTION else -1 for event in stage.events
+    ]
+    slots = stage.memory.slots
+    resting_at = [
+        slots[resting(limit)].start if resting(limit) in slots else -1 for limit in REACTING
+    ]
+    alike = [stage.tracked == other.stage.tracked for other in machine.runners]
+    words = {
+        "alike": alike,
+        "resting": resting_at,
+        "reactions_of": reactions,
+        "carries_of": [kind not in (FAIL_IF, REACTION) for kind in kinds],
+    }
+    found: dict[str, NDArray[Any]] = {n: np.array(v, dtype=np.int64) for n, v in words.items()}
+    robot = stage.plan.context.robot
+    found["most"] = np.array(robot.torque_limit, dtype=np.float64)
+    found["stop_step"] = machine.period * stage.plan.torque_rates
+    return found
 
 
 def _take_programs(

@@ -78,6 +78,7 @@ class Machine:
         terms: the model terms.
         now: stage time, run time [s], and how often each stage has been entered.
         estimation: what is measured for later stages.
+        counts: which stage follows an event, and how often stages have been entered.
         handed: the numbers of `HANDED`, as the current stage got them.
         torque: (n,) the command [N m].
         applied: (n,) that of the tick before, while a tick is made [N m].
@@ -124,7 +125,7 @@ class Machine:
             for s in stages
         )
         self._exits = exits(stages)
-        self._counts = exit_table(stages)
+        self.counts = exit_table(stages)
         self.index, self.t = 0, 0.0
         self.stage_ticks = 0
         self.runner = self.runners[0]
@@ -300,8 +301,8 @@ class Machine:
         out: Exit = self._exits[self.index][int(self.outputs[0]) - 1]
         event, to, value = out.event, out.to, float(self.outputs[1])
         number = int(self.outputs[0])
-        again = repeats(self._counts, self.index, number)
-        index = follows(self._counts, self.index, number)
+        again = repeats(self.counts, self.index, number)
+        index = follows(self.counts, self.index, number)
         if index == OVER:
             self._end(clock, event, value, to)
             return None
@@ -309,7 +310,7 @@ class Machine:
             to = self.stage.name
         if index == TRIED:
             assert out.index is not None
-            attempts = self._counts.attempts[out.index]
+            attempts = self.counts.attempts[out.index]
             text = f"{event.text}; stage {to!r} has had its {attempts} attempts"
             self._end(clock, events.Event(event.kind, events.ATTEMPTS, text), value, FAIL)
             return None
@@ -367,7 +368,7 @@ class Machine:
 
     def _begin(self, index: int, *, again: bool = False) -> None:
         """Makes a stage the current one; `again` where it repeats itself."""
-        enter(self._counts, index, again)
+        enter(self.counts, index, again)
         self.index, self.runner = index, self.runners[index]
         self.stage_ticks, self.t = 0, 0.0
         self.now[2 + index] += 1

@@ -27,6 +27,7 @@ class StageRunner:
         tick: its function, on its arrays.
         memory, parameters: of the stage.
         entry: fills both, and the numbers of `tracks`.
+        poses: (12 frames,) of the estimated frames that it is placed in.
         leaving: writes what it hands on, by its last outputs.
         tracks: its moves and path.
         chooser: of the coordinates that its constraints decide; None without any.
@@ -71,8 +72,8 @@ class StageRunner:
         results = [torque, next_memory, outputs, handed_over, self._closed_form]
         self.tick = BoundFunction(stage.tick, arguments, results)
         self.tracks, entry = Tracks(stage, parameters, memory), stage.entry
-        self._poses = np.zeros(entry.function.nnz_in(len(inputs) + 1))
-        given = [*inputs, handed, self._poses, stage.gains]
+        self.poses = np.zeros(entry.function.nnz_in(len(inputs) + 1))
+        given = [*inputs, handed, self.poses, stage.gains]
         results = [memory, parameters, self.tracks.numbers]
         self.entry = BoundFunction(entry.function, given, results)
         # The run's time is beside the stage's.
@@ -115,7 +116,7 @@ class StageRunner:
     def place(self, poses: Mapping[str, Vector]) -> None:
         """Has the entry know the (12,) `poses` of estimated frames, by parameter."""
         for i, name in enumerate(self.stage.entry.poses):
-            self._poses[12 * i : 12 * i + 12] = poses[name]
+            self.poses[12 * i : 12 * i + 12] = poses[name]
 
     def group(self) -> None:
         """Groups the instructions of what each tick evaluates."""

@@ -355,3 +355,14 @@ class StagePlan:
         """Whether nothing bears the arm's weight: neither its law nor a counterweight."""
         weight = float(np.abs(self.context.start_gravity).max(initial=0.0))
         return self.law.control_law.bare and weight > _NO_WEIGHT
+
+    @property
+    def torque_rates(self) -> Vector:
+        """(n,) how fast each torque may change [N m/s, N/s]; infinite where nothing limits it."""
+        n = self.context.robot.n
+        found = np.full(n, self.limits.torque_rate or np.inf)
+        protection = self.context.loaded.task.robot.protection
+        joints = None if protection is None else protection.joints
+        if joints is not None and joints.torque_rate is not None:
+            found = np.minimum(found, np.asarray(joints.torque_rate))
+        return found
