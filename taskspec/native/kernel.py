@@ -189,6 +189,10 @@ class Record:
                 raise TypeError(f"{type(self).__name__} has no field {name}")
             setattr(self, name, value)
 
+    def record(self, name: str) -> Record | None:
+        """The record in a field; None where there is none."""
+        return self._held.get(name)
+
     @property
     def address(self) -> int:
         """Where the fields lie, for as long as this object lives."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from types import FunctionType
 from typing import Any
@@ -61,7 +61,9 @@ static inline double py_fmax(double x, double y) { return y > x ? y : x; }
 
 
 def kernel_c(
-    *functions: Callable[..., Any], instead: Mapping[Callable[..., Any], str] | None = None
+    *functions: Callable[..., Any],
+    instead: Mapping[Callable[..., Any], str] | None = None,
+    structures: Mapping[type[Record], str] | None = None,
 ) -> str:
     """C of kernel functions, of all that they call, and of the records that they take.
 
@@ -70,15 +72,16 @@ def kernel_c(
     Args:
         functions: whose C is wanted, by their names.
         instead: functions that C has by other names, with the same arguments.
+        structures: C of records that are to lie in memory otherwise than under Python.
 
     Raises:
         KernelError: a function is not within the part of Python that is compiled.
     """
     # What would mean something else is refused there.
     kernel_ir(*functions)
-    unit = _CUnit(dict(instead or {}))
+    unit = _CUnit(functions, dict(instead or {}), dict(structures or {}))
     for function in functions:
-        unit.add(function, function.__name__)
+        unit.add(function)
     return unit.text()
 
 
@@ -90,18 +93,24 @@ def record_name(record: type[Record]) -> str:
 class _CUnit:
     """Functions, each translated once, and the records that they take."""
 
-    def __init__(self, instead: dict[Callable[..., Any], str]) -> None:
-        self.instead = instead
+    def __init__(
+        self,
+        visible: Sequence[Callable[..., Any]],
+        instead: dict[Callable[..., Any], str],
+        structures: dict[type[Record], str],
+    ) -> None:
+        self._visible, self.instead, self._structures = visible, instead, structures
         self._signatures: dict[Any, Signature] = {}
         self._heads: list[str] = []
         self._bodies: list[str] = []
         self._records: dict[str, type[Record]] = {}
 
-    def add(self, function: Any, symbol: str | None = None) -> Signature:
+    def add(self, function: Any) -> Signature:
         """The signature of a function, translated if it was not yet."""
         if function in self._signatures:
             return self._signatures[function]
         source = Source(function)
+        symbol = function.__name__ if function in self._visible else None
         linkage = "static " if symbol is None else ""
         own = function.__name__.lstrip("_")
         # Names that begin with an underscore are the compiler's.
@@ -138,7 +147,7 @@ class _CUnit:
         self._records[record.__name__] = record
 
     def text(self) -> str:
-        structures = [structure(record) for record in self._records.values()]
+        structures = [self._structures.get(r) or structure(r) for r in self._records.values()]
         return "\n\n".join(["\n\n".join(structures), "\n".join(self._heads), *self._bodies, ""])
 
 

@@ -30,6 +30,10 @@ class Evaluation(Record):
 
     What is called takes the addresses of the addresses of arguments and results, and two that only
     the interpreter takes: of its instructions and of the work vector.
+
+    Attributes:
+        bound: the function, on Python's arrays; None for none.
+        arrays: of its arguments, and of its results.
     """
 
     code: int  # the address of what is called, 0 for none
@@ -43,23 +47,23 @@ class Evaluation(Record):
     ) -> None:
         """Takes the function, None for none; `instead` has pairs of its arrays and ours."""
         super().__init__()
-        self._bound = bound
+        self.bound = bound
         if bound is None:
             return
         ours = {id(theirs): array for theirs, array in instead}
-        self._arrays = [
+        self.arrays = [
             [ours.get(id(array), array) for array in arrays]
             for arrays in (bound.arguments, bound.results)
         ]
         self._places = [
             np.array([array.ctypes.data for array in arrays], dtype=np.int64)
-            for arrays in self._arrays
+            for arrays in self.arrays
         ]
         self.arguments, self.results = (places.ctypes.data for places in self._places)
 
     def load(self, compiling: Compiling) -> bool:
         """Takes the function's own machine code; returns whether there is some."""
-        bound = self._bound
+        bound = self.bound
         if bound is None:
             return True
         if bound.code is None:
@@ -77,11 +81,11 @@ class Evaluation(Record):
     @property
     def ready(self) -> bool:
         """Whether there is code for the function, if there is a function."""
-        return bool(self.code) or self._bound is None
+        return bool(self.code) or self.bound is None
 
     def interpret(self) -> None:
         """Has the interpreter evaluate the function, where it has no code."""
-        bound = self._bound
+        bound = self.bound
         if bound is None or self.code:
             return
         engine = interpreter_engine()

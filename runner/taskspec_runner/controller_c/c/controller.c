@@ -1,0 +1,213 @@
+/* The controller of the task "@TITLE@", made by taskspec @VERSION@. See @NAME@.h.
+ *
+ * Compile with -std=c99 or newer, without -ffast-math; link with libm. */
+#include "@NAME@.h"
+
+#include <math.h>
+#include <string.h>
+
+/* ---- what Python means where C means something else */
+
+static inline int64_t py_mod(int64_t x, int64_t y)
+{
+    int64_t rest = x % y;
+    return rest != 0 && (rest ^ y) < 0 ? rest + y : rest;
+}
+static inline int64_t py_floor_div(int64_t x, int64_t y)
+{
+    return x / y - (x % y != 0 && ((x % y) ^ y) < 0);
+}
+static inline int64_t py_abs(int64_t x) { return x < 0 ? -x : x; }
+static inline int64_t py_min(int64_t x, int64_t y) { return y < x ? y : x; }
+static inline int64_t py_max(int64_t x, int64_t y) { return y > x ? y : x; }
+static inline double py_fmin(double x, double y) { return y < x ? y : x; }
+static inline double py_fmax(double x, double y) { return y > x ? y : x; }
+static inline double ts_signs(double x, double y, bool either)
+{
+    uint64_t a, b;
+    memcpy(&a, &x, sizeof a);
+    memcpy(&b, &y, sizeof b);
+    a = either ? (a | b) : (a & b);
+    memcpy(&x, &a, sizeof x);
+    return x;
+}
+
+/* ---- the machine */
+
+@KERNEL@
+
+/* ---- expressions */
+
+@FUNCTIONS@
+
+/* ---- memory */
+
+@INITIAL@
+
+#define TS_LENGTH(table) (sizeof table / sizeof table[0])
+/* Stamps further ahead than so many periods are no time of a run. */
+#define TS_FARTHEST 1e9
+/* A sample is that of a tick if its stamp is nearer than this [periods]. */
+#define TS_TOLERANCE 0.75
+
+enum { TS_DONE = @UPPER@_DONE, TS_FAILED = @UPPER@_FAILED, TS_STOPPED = @UPPER@_STOPPED };
+
+static const char *const host_stages[] = {@STAGE_NAMES@};
+static const struct { int32_t state; const char *name; const char *text; } host_events[] = {
+@EVENTS@
+};
+
+struct @NAME@ {
+@MEMBERS@
+    struct Evaluation nothing;
+    struct ControllerMemory *now;
+    double *wrench;
+    double begin, stamp;
+    int64_t due;
+    int32_t state, event, bears;
+};
+
+uint64_t @NAME@_size(void) { return sizeof(struct @NAME@); }
+
+struct @NAME@ *@NAME@_init(void *memory)
+{
+    struct @NAME@ *m = memory;
+    uint64_t i;
+    memset(m, 0, sizeof *m);
+    for (i = 0; i < TS_LENGTH(ts_first_numbers); i++)
+        m->numbers[ts_first_numbers[i].at] = ts_first_numbers[i].value;
+    for (i = 0; i < TS_LENGTH(ts_first_words); i++)
+        m->words[ts_first_words[i].at] = ts_first_words[i].value;
+    for (i = 0; i < TS_LENGTH(ts_first_counts); i++)
+        m->counts[ts_first_counts[i].at] = ts_first_counts[i].value;
+    for (i = 0; i < TS_LENGTH(ts_arguments_at); i++)
+        m->arguments[i] = m->numbers + ts_arguments_at[i];
+    for (i = 0; i < TS_LENGTH(ts_results_at); i++)
+        m->results[i] = m->numbers + ts_results_at[i];
+@FILLING@
+    m->now = &m->controllermemory[0];
+    m->wrench = @READING@;
+    m->event = -1;
+    m->bears = 20;
+    return m;
+}
+
+void @NAME@_bear(struct @NAME@ *m, int32_t lost) { m->bears = lost; }
+
+/* Takes what a sample measures; whether its numbers are finite. */
+static bool host_take(struct @NAME@ *m, const struct @NAME@_input *in)
+{
+    double sum = in->stamp;
+    int i;
+    for (i = 0; i < @JOINTS@; i++) sum += 0.0 * in->q[i] + 0.0 * in->v[i];
+    for (i = 0; i < 6; i++) sum += 0.0 * in->wrench[i];
+    for (i = 0; i < @REACTIONS@; i++) sum += 0.0 * in->reactions[i];
+    if (!isfinite(sum)) return false;
+    for (i = 0; i < @JOINTS@; i++) {
+        m->now->q[i] = in->q[i];
+        m->now->v[i] = in->v[i];
+    }
+    for (i = 0; i < 6; i++) m->wrench[i] = in->wrench[i];
+    for (i = 0; i < @REACTIONS@; i++) m->now->reactions[i] = in->reactions[i];
+    return true;
+}
+
+static int32_t host_answer(struct @NAME@ *m, struct @NAME@_output *out, int32_t lost)
+{
+    int i;
+    for (i = 0; i < @JOINTS@; i++) out->torque[i] = m->now->torque[i];
+    out->state = m->state;
+    out->stage = (int32_t)m->now->stage;
+    out->lost = lost;
+    return m->state;
+}
+
+void @NAME@_start(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAME@_output *out)
+{
+    if (!host_take(m, in)) {
+        m->state = @UPPER@_BAD_SAMPLE;
+    } else {
+        m->begin = in->stamp;
+        m->stamp = in->stamp - @UPPER@_PERIOD;
+        start(m->now);
+    }
+    host_answer(m, out, 0);
+}
+
+/* The state of a task that goes on in none of its stages. */
+static int32_t host_over(struct @NAME@ *m, int64_t why)
+{
+    int64_t event = m->now->exits->first[m->now->stage] + (int64_t)m->now->outputs[0] - 1;
+    m->event = (int32_t)event;
+    if (why == -2) return @UPPER@_ATTEMPTS;
+    if (why == -3) return @UPPER@_UNKNOWN;
+    return host_events[event].state;
+}
+
+/* One period of the machine. */
+static void host_tick(struct @NAME@ *m)
+{
+    int64_t event = control(m->now);
+    while (event > 0) {
+        int64_t to = leave(m->now);
+        if (to < 0) {
+            m->state = host_over(m, to);
+            return;
+        }
+        struct ControllerMemory *after = &m->controllermemory[to];
+        bool again = repeats(m->now->exits, m->now->stage, event);
+        begin(m->now, after, again);
+        m->now = after;
+        event = open_stage(m->now);
+    }
+    if (event < 0) m->state = event == -1 ? @UPPER@_UNANSWERED : @UPPER@_DIVERGED;
+    m->now->ticks += 1;
+}
+
+int32_t @NAME@_step(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAME@_output *out)
+{
+    double ahead = (in->stamp - m->begin) / @UPPER@_PERIOD - (double)m->due;
+    int32_t lost = 0, i;
+    if (m->state == @UPPER@_RUNNING) {
+        if (!isfinite(ahead) || ahead >= TS_FARTHEST || in->stamp <= m->stamp) {
+            m->state = isfinite(in->stamp) ? @UPPER@_BAD_STAMP : @UPPER@_BAD_SAMPLE;
+        } else if (ahead <= -TS_TOLERANCE) {
+            /* Earlier than its tick is due: the answer is the last one. */
+            return host_answer(m, out, 0);
+        } else {
+            lost = ahead >= TS_TOLERANCE ? (int32_t)nearbyint(ahead) : 0;
+            m->stamp = in->stamp;
+            m->due += 1 + lost;
+            if (lost > m->bears) m->state = @UPPER@_LOST;
+        }
+    }
+    for (i = 0; i < lost && m->state == @UPPER@_RUNNING; i++) host_tick(m);
+    if (!host_take(m, in) && m->state == @UPPER@_RUNNING) m->state = @UPPER@_BAD_SAMPLE;
+    if (m->state == @UPPER@_RUNNING) host_tick(m);
+    else stop(m->now);
+    return host_answer(m, out, lost);
+}
+
+static const char *const host_words[] = {
+    "the task goes on",
+    "", "", "",
+    "a stage has been entered as often as it may be",
+    "a stage cannot begin: its frame has not been estimated",
+    "the program that keeps the limits has had no answer for too long",
+    "state or torque is no longer finite",
+    "a number of a sample is not finite",
+    "a stamp of the robot's clock runs back, or is no time of a run",
+    "too many samples in a row have been lost",
+};
+
+struct @NAME@_status @NAME@_status(const struct @NAME@ *m)
+{
+    struct @NAME@_status s;
+    bool by_event = m->state >= TS_DONE && m->state <= TS_STOPPED;
+    s.state = m->state;
+    s.stage = host_stages[m->now->stage];
+    s.event = m->event >= 0 ? host_events[m->event].name : "";
+    s.text = by_event ? host_events[m->event].text : host_words[m->state];
+    s.ticks = m->now->ticks;
+    return s;
+}

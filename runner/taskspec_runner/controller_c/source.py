@@ -1,0 +1,221 @@
+"""The files of a controller in C, and what they are made of."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from taskspec.control.qp.dual import dual_solver
+from taskspec.deferred_methods import dataclass
+from taskspec.native import expressions_c, kernel_c
+from taskspec.native.kernel import Kind
+from taskspec.native.kernel_c import number
+from taskspec.program import events
+from taskspec.program.evaluation import Evaluation, evaluate
+from taskspec.program.execution import controller
+from taskspec.program.execution.controller_memory import controller_memories
+from taskspec.program.execution.exits import repeats
+from taskspec.program.execution.machine import Machine
+from taskspec.program.execution.transition import END, exits
+from taskspec.program.program import Program
+from taskspec_runner.controller_c.layout import Layout
+
+_FOLDER = Path(__file__).parent / "c"
+_EVALUATION = """\
+struct Evaluation {
+    int64_t code;
+    const double *const *arguments;
+    double *const *results;
+};
+static void ts_evaluate(struct Evaluation *f);"""
+#: What the machine calls of the kernel.
+_KERNEL = (
+    *(controller.start, controller.control, controller.open_stage, controller.leave),
+    *(controller.begin, controller.stop),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """The C of a task's controller.
+
+    Attributes:
+        name: what its functions and types begin with.
+        header, source: texts of its two files.
+        numbers: doubles of one instance.
+    """
+
+    name: str
+    header: str
+    source: str
+    numbers: int
+
+    def write(self, folder: Path) -> tuple[Path, Path]:
+        """Writes NAME.h and NAME.c; their paths.
+
+        Raises:
+            OSError: the folder cannot be written.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        paths = folder / f"{self.name}.h", folder / f"{self.name}.c"
+        for path, text in zip(paths, (self.header, self.source), strict=True):
+            path.write_text(text, encoding="utf-8")
+        return paths
+
+
+def controller_of(program: Program) -> Controller:
+    """The C of a program's controller.
+
+    Raises:
+        UnsupportedOperationError: an expression has an operation that C lacks.
+    """
+    name = identifier(program.context.loaded.task.name)
+    machine = program.machine(own=dual_solver)
+    memories = controller_memories(machine)
+    for memory in memories:
+        memory.alone, memory.solves = 1, memory.has_program
+    layout = Layout(memories)
+    text = (_FOLDER / "controller.c").read_text(encoding="utf-8")
+    facts = _facts(program, machine, name, layout)
+    parts = {
+        "INITIAL": _initial(layout),
+        "FUNCTIONS": _functions(layout),
+        "KERNEL": _kernel(),
+        "MEMBERS": "\n".join(f"    {member};" for member in layout.members()),
+        "FILLING": "\n".join(f"    {line}" for line in layout.filling()),
+        "EVENTS": _events(machine),
+        **facts,
+    }
+    header = _filled((_FOLDER / "controller.h").read_text(encoding="utf-8"), parts)
+    return Controller(name, header, _filled(text, parts), len(layout.blocks[Kind.VECTOR].values))
+
+
+def identifier(name: str) -> str:
+    """A name of C for a task's name."""
+    written = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return written if written[:1].isalpha() else f"task_{written}"
+
+
+def _filled(text: str, parts: dict[str, str]) -> str:
+    """A template, whose places are @NAME@."""
+    return re.sub(r"@([A-Z_]+)@", lambda match: parts[match[1]], text)
+
+
+def _kernel() -> str:
+    text = kernel_c.kernel_c(
+        *_KERNEL, repeats, instead={evaluate: "ts_evaluate"}, structures={Evaluation: _EVALUATION}
+    )
+    names = "|".join(function.__name__ for function in (*_KERNEL, repeats))
+    # Nothing but the functions of the header is visible outside.
+    return re.sub(rf"^(\w+) ({names})\(", r"static \1 \2(", text, flags=re.MULTILINE)
+
+
+def _functions(layout: Layout) -> str:
+    """The functions of CasADi's, and the one that calls them by their numbers."""
+    functions = [
+        expressions_c.expression_c(function, f"ts_f{number_of}_{function.name()}")
+        for number_of, function in layout.functions.values()
+    ]
+    cases = [
+        f"    case {n}: ts_f{n}_{f.name()}(f->arguments, f->results); break;"
+        for n, f in layout.functions.values()
+    ]
+    switch = [
+        "static void ts_evaluate(struct Evaluation *f)",
+        "{",
+        "    switch (f->code) {",
+        *cases,
+        "    default: break;",
+        "    }",
+        "}",
+    ]
+    return "\n\n".join([*functions, "\n".join(switch)])
+
+
+def _initial(layout: Layout) -> str:
+    """Tables of the numbers that are not zero at first, and of what functions read and write."""
+    lines = []
+    for block in layout.blocks.values():
+        values = block.values
+        known = np.flatnonzero((values != 0) | np.signbit(values))
+        rows = [
+            f"{{{i}, {number(float(values[i])) if block.type == 'double' else int(values[i])}}}"
+            for i in known
+        ]
+        lines += [
+            f"static const struct {{ int32_t at; {block.type} value; }}",
+            f"    ts_first_{block.name}[] = {{",
+            *_wrapped(rows or ["{0, 0}"]),
+            "};",
+        ]
+    for name, places in (("arguments", layout.arguments), ("results", layout.results)):
+        rows = [str(place) for place in places] or ["0"]
+        lines += [f"static const int32_t ts_{name}_at[] = {{", *_wrapped(rows), "};"]
+    return "\n".join(lines)
+
+
+def _wrapped(rows: Sequence[str]) -> list[str]:
+    return [f"    {', '.join(rows[i : i + 8])}," for i in range(0, len(rows), 8)]
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + escaped.encode("ascii", "replace").decode().replace("??", "?\\?") + '"'
+
+
+def _events(machine: Machine) -> str:
+    """The events of all stages: what a run is after one that no stage follows, and what it is."""
+    rows = []
+    for outs in exits([runner.stage for runner in machine.runners]):
+        for out in outs:
+            status = "STOPPED" if out.event.kind == events.LIMIT else "FAILED"
+            status = "DONE" if out.to == END else status
+            rows.append(
+                f"    {{TS_{status}, {_quoted(out.event.name)}, {_quoted(out.event.text)}}},"
+            )
+    return "\n".join(rows)
+
+
+def _facts(program: Program, machine: Machine, name: str, layout: Layout) -> dict[str, str]:
+    context = program.context
+    loaded, robot = context.loaded, context.robot
+    digest = hashlib.sha256(loaded.source.text.encode()).hexdigest()
+    stages = [runner.stage.name for runner in machine.runners]
+    sensor = machine.sensor is not None
+    wrench = (
+        "reading of the sensor, axes of the tool, about the tip, tool's weight included"
+        if sensor
+        else "force and moment about the tip, by the environment on the tool, world axes"
+    )
+    joints = "\n".join(f" *   {i}: {joint}" for i, joint in enumerate(robot.joint_names))
+    return {
+        "NAME": name,
+        "UPPER": name.upper(),
+        "TITLE": loaded.task.name,
+        "VERSION": version("taskspec-robotics"),
+        "HASH": digest,
+        "JOINTS": str(robot.n),
+        "JOINT_NAMES": joints,
+        "REACTIONS": str(len(context.equations)),
+        "REACTION_ROOM": str(max(len(context.equations), 1)),
+        "REACTION_NAMES": ", ".join(context.equations) or "none",
+        "PERIOD": number(context.period),
+        "RATE": f"{1 / context.period:g}",
+        "WRENCH": wrench,
+        "SENSOR": "1" if sensor else "0",
+        "STAGES": str(len(stages)),
+        "STAGE_NAMES": ", ".join(map(_quoted, stages)),
+        "READING": _reading(machine, layout),
+    }
+
+
+def _reading(machine: Machine, layout: Layout) -> str:
+    """Where the wrench of a sample goes."""
+    zero = machine.sensor
+    array = machine.wrench if zero is None else zero.reading
+    return f"m->numbers + {layout.blocks[Kind.VECTOR].place(array)}"
