@@ -3,8 +3,8 @@
 A capsule is balls in a row, so near that no point of it is more than `_DENT` of its radius outside,
 unless it is thinner than a hundredth of its length.
 Of a cylinder and a box the balls are those of the capsule within, and points on its edges; of an
-ellipsoid the ball within, and points all over it; of a mesh the corners of its convex hull. None is outside the shape, so what a ball
-meets, the link meets.
+ellipsoid the ball within, and points all over it; of a mesh the corners of its convex hull. None is
+outside the shape, so what a ball meets, the link meets.
 """
 
 from __future__ import annotations
