@@ -17,12 +17,12 @@ from taskspec_runner.plant.looks import settle
 from taskspec_runner.plant.names import PREFIX
 from taskspec_runner.plant.scene import build_scene
 from taskspec_runner.plant.shapes import visible_name
-from taskspec_runner.preview.labels import Box, Labels, width_of
 from taskspec_runner.preview.rays import RayCamera, RayPicture
-from taskspec_runner.preview.sheets import PixelSheet, Sheet, SvgSheet
+from taskspec_runner.preview.sheets import DrawingSheet, PixelSheet, SvgSheet
 from taskspec_runner.preview.stages import PicturedStage, pictured, triad
 from taskspec_runner.video.camera import View, axes_of, fit
 from taskspec_runner.video.equations import equation_surfaces
+from taskspec_runner.video.labels import Labels, Rectangle, width_of
 from taskspec_runner.video.lettering import Color, rgb
 from taskspec_runner.video.marks import COLORS, MOTION, TRACE
 
@@ -92,9 +92,9 @@ class TaskPicture:
             return _SCENE
         return _TITLE + _SCENE + sum(map(_row_height, self._stages)) + _LEGEND
 
-    def _drawn(self, sheet: Sheet, rows: bool) -> bytes:
+    def _drawn(self, sheet: DrawingSheet, rows: bool) -> bytes:
         top = 0.0
-        _fill(sheet, Box(0, 0, WIDTH, self._height(rows)), _CARD)
+        _fill(sheet, Rectangle(0, 0, WIDTH, self._height(rows)), _CARD)
         if rows:
             sheet.text(
                 (14, _TITLE / 2), _cut(self._name, _NAME, WIDTH - 28), _NAME, _INK, bold=True
@@ -102,8 +102,8 @@ class TaskPicture:
             top = _TITLE
         left = round(_SPLIT * WIDTH)
         for near, panel in (
-            (False, Box(0, top, left - _GAP / 2, top + _SCENE)),
-            (True, Box(left + _GAP / 2, top, WIDTH, top + _SCENE)),
+            (False, Rectangle(0, top, left - _GAP / 2, top + _SCENE)),
+            (True, Rectangle(left + _GAP / 2, top, WIDTH, top + _SCENE)),
         ):
             _Panel(self, sheet, panel, near=near).draw()
         if rows:
@@ -113,7 +113,7 @@ class TaskPicture:
             _legend(sheet, top + _LEGEND / 2)
         return sheet.finish()
 
-    def _row(self, sheet: Sheet, number: int, stage: PicturedStage, top: float) -> float:
+    def _row(self, sheet: DrawingSheet, number: int, stage: PicturedStage, top: float) -> float:
         height = _row_height(stage)
         if number > 1:
             sheet.line(np.array([[14, top], [WIDTH - 14, top]]), _LINES, 1)
@@ -130,7 +130,7 @@ class TaskPicture:
             _arrow(sheet, middle, middle + _TINY * flat, rgb(COLORS[kind]), 3.0)
             if np.linalg.norm(flat) > 0.3:
                 sheet.text(
-                    middle + (_TINY + 10) * flat, axis, 13, _ink(kind), anchor="m", halo=_CARD
+                    middle + (_TINY + 11) * flat, axis, 15, _ink(kind), anchor="m", halo=_CARD
                 )
         for i, (kind, text) in enumerate(stage.words, 1):
             y = first + i * _LINE
@@ -223,7 +223,9 @@ class TaskPicture:
 class _Panel:
     """One view of a task, with its marks."""
 
-    def __init__(self, of: TaskPicture, sheet: Sheet, panel: Box, *, near: bool) -> None:
+    def __init__(
+        self, of: TaskPicture, sheet: DrawingSheet, panel: Rectangle, *, near: bool
+    ) -> None:
         self._of, self._sheet, self._near, self._panel = of, sheet, near, panel
         width, height = panel.right - panel.left, panel.bottom - panel.top
         view = of.view(width / height, near=near)
@@ -231,7 +233,7 @@ class _Panel:
         self._camera = RayCamera(view, round(width), round(height), tangent)
         fine = round(width * sheet.fineness), round(height * sheet.fineness)
         self._fine = RayCamera(view, *fine, tangent)
-        inner = Box(panel.left + 4, panel.top + 4, panel.right - 4, panel.bottom - 4)
+        inner = Rectangle(panel.left + 4, panel.top + 4, panel.right - 4, panel.bottom - 4)
         self._labels = Labels(inner)
 
     def draw(self) -> None:
@@ -265,7 +267,7 @@ class _Panel:
                 (end,) = self._places((shown.point + size * length * direction)[None])
                 _arrow(self._sheet, place, end, rgb(COLORS[kind]), 5.0 if self._near else 3.0)
                 for share in (0.2, 0.6, 1.0):
-                    self._labels.keep(Box.about(place + share * (end - place), 9, 9))
+                    self._labels.keep(Rectangle.about(place + share * (end - place), 9, 9))
                 ends.append((axis, kind, end))
             if not self._near:
                 continue
@@ -342,7 +344,7 @@ def _row_height(stage: PicturedStage) -> float:
     return 2 * _ROOM + _LINE * (1 + max(3, len(stage.words)))
 
 
-def _legend(sheet: Sheet, y: float) -> None:
+def _legend(sheet: DrawingSheet, y: float) -> None:
     x = 24.0
     kinds = (("force controlled", "force"), ("motion controlled", "motion"), ("free", "free"))
     for text, kind in kinds:
@@ -353,12 +355,12 @@ def _legend(sheet: Sheet, y: float) -> None:
     sheet.text((x + 30, y), "path", _SMALL, _INK)
 
 
-def _badge(sheet: Sheet, at: Vector, number: str) -> None:
+def _badge(sheet: DrawingSheet, at: Vector, number: str) -> None:
     sheet.disc(at, 11, _INK)
     sheet.text(at, number, 15, _CARD, anchor="m", bold=True)
 
 
-def _arrow(sheet: Sheet, start: Vector, end: Vector, color: Color, width: float) -> None:
+def _arrow(sheet: DrawingSheet, start: Vector, end: Vector, color: Color, width: float) -> None:
     """An arrow with its head within its length, on a light edge."""
     way = end - start
     length = float(np.linalg.norm(way))
@@ -371,7 +373,7 @@ def _arrow(sheet: Sheet, start: Vector, end: Vector, color: Color, width: float)
     sheet.polygon(np.array([end, foot + across, foot - across]), color)
 
 
-def _fill(sheet: Sheet, box: Box, color: Color) -> None:
+def _fill(sheet: DrawingSheet, box: Rectangle, color: Color) -> None:
     corners = [[box.left, box.top], [box.right, box.top]]
     corners += [[box.right, box.bottom], [box.left, box.bottom]]
     sheet.polygon(np.array(corners), color)

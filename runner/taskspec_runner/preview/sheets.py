@@ -25,7 +25,7 @@ _PALETTE = 128
 _FINER = 2
 
 
-class Sheet(Protocol):
+class DrawingSheet(Protocol):
     """Lengths in units of the picture, y down.
 
     Attributes:

@@ -23,7 +23,7 @@ def width_of(text: str, size: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class Rectangle:
     """A rectangle: left, top, right, bottom."""
 
     left: float
@@ -32,12 +32,12 @@ class Box:
     bottom: float
 
     @classmethod
-    def about(cls, middle: Vector, width: float, height: float) -> Box:
+    def about(cls, middle: Vector, width: float, height: float) -> Rectangle:
         """A rectangle about a place (2,)."""
         x, y = middle.tolist()
         return cls(x - width / 2, y - height / 2, x + width / 2, y + height / 2)
 
-    def meets(self, other: Box) -> bool:
+    def meets(self, other: Rectangle) -> bool:
         """Whether they overlap."""
         return (
             self.left < other.right
@@ -46,7 +46,7 @@ class Box:
             and other.top < self.bottom
         )
 
-    def within(self, other: Box) -> bool:
+    def within(self, other: Rectangle) -> bool:
         """Whether it lies in the other."""
         return (
             self.left >= other.left
@@ -59,11 +59,11 @@ class Box:
 class Labels:
     """The places that are taken in a panel."""
 
-    def __init__(self, panel: Box) -> None:
+    def __init__(self, panel: Rectangle) -> None:
         self._panel = panel
-        self.taken: list[Box] = []
+        self.taken: list[Rectangle] = []
 
-    def keep(self, box: Box) -> None:
+    def keep(self, box: Rectangle) -> None:
         """Keeps a place free of labels."""
         self.taken.append(box)
 
@@ -83,7 +83,7 @@ class Labels:
         for away, extra in product(_AWAY, _TURNS):
             way = np.array([np.cos(turn + extra), np.sin(turn + extra)])
             middle = at + way * (away * size + abs(way[0]) * (width - size) / 2)
-            box = Box.about(middle, width, height)
+            box = Rectangle.about(middle, width, height)
             if box.within(self._panel) and not any(box.meets(other) for other in self.taken):
                 self.taken.append(box)
                 return np.asarray(middle)
