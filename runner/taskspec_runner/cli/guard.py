@@ -19,7 +19,7 @@ from typing import ParamSpec
 
 import typer
 
-from taskspec.missing import MissingLibraryError
+from taskspec.missing import MissingLibraryError, require
 from taskspec.text.characters import escaped
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.diagnostics import show_diagnostics
@@ -46,6 +46,8 @@ def guarded(command: Callable[P, int]) -> Callable[P, None]:
 
 def _outcome(command: Callable[[], int]) -> int:
     try:
+        # What a command has found is shown with it, at its end.
+        require("rich", "this command")
         code = command()
         sys.stdout.flush()
         return code
