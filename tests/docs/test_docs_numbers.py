@@ -6,7 +6,6 @@ import inspect
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from documents import CONVENTIONS, LANGUAGE, completed, first_words, load, table, value, words
