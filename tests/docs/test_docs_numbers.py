@@ -6,7 +6,6 @@ import inspect
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from documents import CONVENTIONS, LANGUAGE, completed, first_words, load, table, value, words
@@ -36,7 +35,8 @@ from taskspec.text.units import FORCE, split_quantity, to_si
 from taskspec_runner import exit_codes
 from taskspec_runner.compare import folder as compared
 from taskspec_runner.export import FORMATS
-from taskspec_runner.export.mcap import POSES, SCALARS, TOPICS
+from taskspec_runner.export.export import LAYOUT
+from taskspec_runner.export.mcap import POSES, SCALARS, SCENE, TOPICS
 from taskspec_runner.export.messages import SIGNALS
 from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.telemetry import RATE, message
@@ -230,12 +230,14 @@ def test_run_folder():
 
 def test_topics_of_an_export():
     rows = {words(row[0])[0]: words(row[1])[0] for row in table(CONVENTIONS, "table: topics")}
-    assert rows == {**TOPICS, **POSES, SCALARS: SIGNALS}
-    assert tuple(FORMATS.values()) == tuple(Path(name).suffix for name in names.EXPORTS)
+    assert rows == {**TOPICS, **POSES, **SCENE, SCALARS: SIGNALS}
+    assert sorted([*FORMATS.values(), LAYOUT]) == sorted(
+        name.removeprefix("log") for name in names.EXPORTS
+    )
     text = CONVENTIONS.read_text(encoding="utf-8")
     assert f"{ROWS // 1000} 000 rows at a time" in text
-    for form, name in zip(FORMATS, names.EXPORTS, strict=True):
-        assert f"| `--{form}` | `{name}` |" in text
+    for form, suffix in FORMATS.items():
+        assert f"| `--{form}` | `log{suffix}` |" in text
 
 
 def test_telemetry():
