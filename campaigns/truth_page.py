@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 MOST_OF_A_MESSAGE = 160
 
 PREFACE = """\
-# What is said and what is done
+# Predictions and outcomes
 
 `taskspec validate` says of a file what its run will do. This page holds what it says against runs
 of random files. `make truth` makes it.
