@@ -22,7 +22,8 @@ of random files. `make truth` makes it.
 
 **The files** come from two generators. [`workshop`](#workshop) has grown with the rules: what its
 files showed was put right. [`language`](#language) is written from
-[the language](language/README.md) alone and reads nothing of the rules, so that none of them was fitted to its files. A file is its
+[the language](language/README.md) alone and reads nothing of the rules, so that none of them was
+fitted to its files. A file is its
 seed and its number: `python campaigns/truth_tasks.py SEED NUMBER` and
 `python campaigns/language_tasks.py SEED NUMBER` print it.
 
