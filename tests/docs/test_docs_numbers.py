@@ -8,7 +8,17 @@ import re
 from dataclasses import replace
 
 import pytest
-from documents import CONVENTIONS, LANGUAGE, completed, first_words, load, table, value, words
+from documents import (
+    CONVENTIONS,
+    LANGUAGE,
+    completed,
+    first_words,
+    load,
+    table,
+    text_of,
+    value,
+    words,
+)
 
 from taskspec import signals
 from taskspec.compiler import compile_task
@@ -84,7 +94,7 @@ def test_numbers_of_the_null_space():
     gain, most = rows["manipulability"]
     assert value(gain) == pytest.approx(null_space.GAIN**2, rel=1e-12)
     assert value(most) == pytest.approx(null_space.MOST, rel=1e-12)
-    text = LANGUAGE.read_text(encoding="utf-8").partition("### Null space")[2]
+    text = text_of(LANGUAGE / "null-space.md")
     assert f"ω = 2π `{null_space.FREQUENCY:g} Hz`" in text
     assert f"a length of `{ARM_LENGTH:g} m`" in text
 
@@ -149,7 +159,7 @@ def test_the_smaller_mass_of_a_rotation_stands_in_the_text():
     light = replace(PLANTS[0], h=1e-6, held=1e-6)
     gains = Law(kind="impedance").design({Axis.RX: AXES["motion"]}, {Axis.RX: light})
     number = gains["mass"][Axis.RX].value
-    text = " ".join(LANGUAGE.read_text(encoding="utf-8").split())
+    text = " ".join(text_of(LANGUAGE).split())
     assert f"On rotations {number:g} kg·m² takes the place" in text
 
 
