@@ -123,7 +123,9 @@ class Law(Model):
     stiffness: Annotated[AxisValues, GainField(STIFFNESS, least=0, matrix=True)] | None = Field(
         None, title="Stiffness"
     )
-    damping: Damping | None = Field(None, title="Damping")
+    damping: (
+        Annotated[AxisValues, GainField(DAMPING, least=0, matrix=True, of_joints=True)] | None
+    ) = Field(None, title="Damping")
     joint_damping: SkipJsonSchema[
         Annotated[tuple[float, ...], ForJoints(ANGULAR_DAMPING)] | None
     ] = None

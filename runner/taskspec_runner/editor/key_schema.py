@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
-from taskspec.spec.schema import schema_text
+from taskspec.schema import schema_text
 from taskspec.text.units import Dimension, parse_unit
 
 Json = Mapping[str, Any]
