@@ -143,7 +143,7 @@ class Law(Model):
         Field(("posture",), title="Goals in the null space")
     )
     solve: Annotated[
-        Literal["closed-form", "qp"], Word(("closed-form", "qp"), "computation of the torques")
+        Literal["closed-form", "qp"], Word(("closed-form", "qp"), "torque computation")
     ] = Field("closed-form", title="Computation of the torques")
     solver: Annotated[Literal["daqp", "osqp"], Word(("daqp", "osqp"), "solver")] = Field(
         "daqp", title="Solver of the quadratic program"
