@@ -102,7 +102,14 @@ class Constant(FieldType):
 
     def json(self) -> dict[str, Any]:
         """Describes the quantity."""
-        about = {"description": _description(self.dimension, self.words)}
+        said = [
+            f"; {relation} {in_si(bound, self.dimension) if bound else '0'}"
+            for relation, bound in (
+                ("more than", self.above), ("at least", self.least), ("at most", self.most),
+            )
+            if bound is not None
+        ]  # fmt: skip
+        about = {"description": _description(self.dimension, self.words) + "".join(said)}
         return quantity_schema(self.dimension) | self._bounds() | about
 
     def _bounds(self) -> dict[str, float]:

@@ -142,10 +142,11 @@ def test_an_included_name_leads_to_its_file(tmp_path: Path) -> None:
 def test_a_renamed_task_reads_as_before(name: str, count: int) -> None:
     file = OpenedFile(TASKS / "press.yaml", TASK)
     found = places.renames(file, TASK.index(f"{name}: {{") if name != "press"
-                           else TASK.index("press: 10"))  # fmt: skip
+                           else TASK.index("press: 10"), str)  # fmt: skip
     assert found is not None
     assert found[0] == name
-    spans = found[1]
+    assert list(found[1]) == [""]
+    spans = found[1][""]
     assert len(spans) == count
     text = TASK
     for span in reversed(spans):
@@ -153,3 +154,37 @@ def test_a_renamed_task_reads_as_before(name: str, count: int) -> None:
         assert text[at : at + len(name)] == name
         text = f"{text[:at]}other{text[at + len(name) :]}"
     assert not load_text(text, "renamed.yaml").warnings
+
+
+def test_a_name_is_renamed_in_what_is_included(tmp_path: Path) -> None:
+    cell = "world: {table: {shape: plane, xyz: [0, 0, 300 mm], stiffness: 20 kN/m}}\n"
+    world = next(line for line in TASK.split("\n") if line.startswith("world:"))
+    text = TASK.replace(world, "include: [cell.yaml]")
+    (tmp_path / "cell.yaml").write_text(cell)
+    file = OpenedFile(tmp_path / "press.yaml", text)
+    offset = text.index("surface: table") + 10
+    found = places.renames(file, offset, lambda name: Path(name).read_text())
+    assert found is not None
+    (source,) = found[1].keys() - {""}
+    (span,) = found[1][source]
+    assert (span.line, span.column) == (1, 9)
+    assert len(found[1][""]) == 1
+    (tmp_path / "cell.yaml").write_text(cell.replace("table", "bench"))
+    assert not load_text(text.replace("table", "bench"), "p.yaml", base=tmp_path).warnings
+
+
+def test_hovering_over_a_key_says_its_range_and_page() -> None:
+    file, offset = opened(TASK.replace("robot: {", "control: {ra|te: 2 kHz}\nrobot: {"))
+    found = places.hover(file, offset)
+    assert found is not None
+    assert "20 Hz" in found[0]
+    assert "docs/language.md#16-control)" in found[0]
+    file, offset = opened(TASK.replace("{move: 30 mm}", "{mo|ve: 30 mm}"))
+    found = places.hover(file, offset)
+    assert found is not None
+    assert "#9-axes)" in found[0]
+    file, offset = opened(TASK.replace("model: panda, ", "model: panda, tool: {rad|ius: 10 mm}, "))
+    found = places.hover(file, offset)
+    assert found is not None
+    assert "more than 0" in found[0]
+    assert "#4-robot)" in found[0]
