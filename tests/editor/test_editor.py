@@ -178,13 +178,13 @@ def test_hovering_over_a_key_says_its_range_and_page() -> None:
     found = places.hover(file, offset)
     assert found is not None
     assert "20 Hz" in found[0]
-    assert "docs/language.md#16-control)" in found[0]
+    assert "docs/language/defaults.md#control)" in found[0]
     file, offset = opened(TASK.replace("{move: 30 mm}", "{mo|ve: 30 mm}"))
     found = places.hover(file, offset)
     assert found is not None
-    assert "#9-axes)" in found[0]
+    assert "docs/language/axes.md)" in found[0]
     file, offset = opened(TASK.replace("model: panda, ", "model: panda, tool: {rad|ius: 10 mm}, "))
     found = places.hover(file, offset)
     assert found is not None
     assert "more than 0" in found[0]
-    assert "#4-robot)" in found[0]
+    assert "docs/language/robot.md)" in found[0]

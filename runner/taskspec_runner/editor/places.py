@@ -22,8 +22,8 @@ from taskspec_runner.editor.names import DECLARING, Declared, uses_in
 from taskspec_runner.editor.opened import OpenedFile
 
 _DOTTED = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(?:\.[A-Za-z0-9_]+)*")
-_PAGE = "docs/language.md"
-_HEADING = re.compile(r"^#+ ((?:\d+\. )?`([a-z]+)`)$", re.MULTILINE)
+_PAGES = Path("docs") / "language"
+_HEADING = re.compile(r"^(#+) `([a-z]+)`$", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,24 +119,22 @@ def _of_key(word: WordHere) -> str:
 
 
 def _page(path: Sequence[str | int]) -> str:
-    """A link to the section of the language's page about the innermost key that has one."""
-    page = next((root / _PAGE for root in Path(__file__).parents if (root / _PAGE).is_file()), None)
-    sections = {} if page is None else _sections(page)
-    key = next((key for key in reversed(path) if key in sections), None)
-    if page is None or key is None:
-        return ""
-    return f"[{_PAGE}, {sections[key]}]({page.as_uri()}#{_anchor(sections[key])})"
+    """A link to the section of the language's pages about the innermost key that has one."""
+    sections = _sections()
+    return next((sections[key] for key in reversed(path) if key in sections), "")
 
 
 @cache
-def _sections(page: Path) -> dict[str | int, str]:
-    """The headings of the page, by the key that each is about."""
-    text = page.read_text(encoding="utf-8")
-    return {match[2]: match[1].replace("`", "") for match in _HEADING.finditer(text)}
-
-
-def _anchor(heading: str) -> str:
-    return re.sub(r"[^a-z0-9 ]", "", heading.lower()).replace(" ", "-")
+def _sections() -> dict[str | int, str]:
+    """Links to the sections that are about one key; none where the pages are not installed."""
+    found: dict[str | int, str] = {}
+    for folder in (root / _PAGES for root in Path(__file__).parents):
+        for page in sorted(folder.glob("*.md")):
+            for match in _HEADING.finditer(page.read_text(encoding="utf-8")):
+                anchor = "" if match[1] == "#" else f"#{match[2]}"
+                text = f"[{_PAGES.as_posix()}/{page.name}{anchor}]({page.as_uri()}{anchor})"
+                found.setdefault(match[2], text)
+    return found
 
 
 def _of_name(opened: OpenedFile, word: WordHere) -> str:
