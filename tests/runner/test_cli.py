@@ -23,8 +23,8 @@ from taskspec import __version__
 from taskspec.compiler import compile_task
 from taskspec.program.execution.transition import Transition
 from taskspec.program.program import Program
+from taskspec.schema import FILE_NAME, schema_text
 from taskspec.spec import load_task
-from taskspec.spec.schema import FILE_NAME, schema_text
 from taskspec_runner import exit_codes
 from taskspec_runner.cli import app
 from taskspec_runner.cli import new as template_command
