@@ -117,7 +117,9 @@ def _ranking(comparison: Comparison) -> Markup | None:
         return None
     kind = compared_by(comparison.summary["force_axes"])
     gains = EQUAL_BANDWIDTH if comparison.summary.get("equal") else DESIGNED
-    return joined(element("p", *shown, class_="ranking"), note(RANKED.format(kind=kind), " ", gains))
+    return joined(
+        element("p", *shown, class_="ranking"), note(RANKED.format(kind=kind), " ", gains)
+    )
 
 
 def _laws(comparison: Comparison) -> Markup:

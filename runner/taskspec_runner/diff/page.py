@@ -176,8 +176,12 @@ def _metrics(metrics: Sequence[Json]) -> Markup:
     others = [row for row in differ if not leads(row)]
     same = len(metrics) - len(differ)
     title = "Others that differ" if main else "Metrics that differ"
-    rest = fold(title, len(others), _table_of(others), look="more") if others else Markup("")
+    look = "more screen" if main else "more"
+    rest = fold(title, len(others), _table_of(others), look=look) if others else Markup("")
     below = note(f"{same} others are the same." if same else "")
+    if others and main:
+        text = f"{len(others)} more differ, which unfold on the page."
+        below += element("p", text, class_="empty printed")
     shown = _table_of(main) + rest
     return section("Metrics that differ", shown, below)
 
