@@ -39,10 +39,11 @@ RESOLUTION = 2 * math.pi / 2**24
 
 def _resolved(value: float | None, unit: str) -> tuple[str, str]:
     """A place or an angle with its unit; of less than any encoder resolves, no more than that."""
-    if value and unit in ("m", "rad") and abs(value) < RESOLUTION:
-        figures, shown = quantity(RESOLUTION, unit, 1)
-        return f"< {figures}", shown
-    return quantity(value, unit)
+    text = quantity(value, unit)
+    if value is None or text[0] == "0" or unit not in ("m", "rad") or abs(value) >= RESOLUTION:
+        return text
+    figures, shown = quantity(RESOLUTION, unit, 1)
+    return f"< {figures}", shown
 
 
 def tracking(run: Run) -> Iterator[Markup]:
