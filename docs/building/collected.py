@@ -61,25 +61,30 @@ def task_pages() -> Iterator[tuple[str, str]]:
     for path in TASKS:
         task = load_task(path).task
         about = " ".join((task.about or "").split())
-        rows.append(f"| [{path.stem}]({path.stem}.md) | `{task.law.kind}` | {about} |")
+        picture = f"[![{path.stem} as it starts](../images/tasks/{path.stem}.webp)]({path.stem}.md)"
+        rows.append(f"- {picture}\n  **[{path.stem}]({path.stem}.md)** `{task.law.kind}`: {about}")
         yield f"tasks/{path.stem}.md", _task_page(path, about)
-    yield "tasks/README.md", _INDEX + "\n".join(rows) + "\n"
+    yield "tasks/README.md", _INDEX + "\n".join(rows) + "\n\n</div>\n"
 
 
 _INDEX = """\
 # Example tasks
 
 They come with the package, and all of them run and pass with every change. `taskspec new NAME`
-copies one to begin from, with the files that it needs.
+copies one to begin from, with the files that it needs. The pictures are those of
+`taskspec explain NAME.yaml --picture`: the arm as it starts, the near view with the frames of the
+stages, in red what force and in blue what motion control decides, and the path.
 
-| task | law | what it does |
-| --- | --- | --- |
+<div class="gallery" markdown>
+
 """
 
 
 def _task_page(path: Path, about: str) -> str:
     text = path.read_text(encoding="utf-8")
     lines = [f"# {path.stem}", "", about, ""]
+    drawn = f"![{path.stem} before it runs: start, frames, path, and what each stage controls]"
+    lines += [f"{drawn}(../images/tasks/{path.stem}.svg){{ .task }}", ""]
     if (DOCS / "images" / f"{path.stem}.svg").is_file():
         lines += [f"![What a run of {path.stem} recorded](../images/{path.stem}.svg)", ""]
     lines += [f"```sh\ntaskspec new {path.stem}\ntaskspec run my-{path.stem}.yaml\n```", ""]

@@ -90,10 +90,13 @@ def test_the_log_has_the_columns_that_are_plotted():
 def test_pictures_are_there_and_are_shown():
     """Every picture of a page exists, and every picture that is kept is on a page.
 
-    The page of a task has the picture of its name.
+    The page of a task has the pictures of its name, and the gallery the small one.
     """
-    shown = {DOCS / "images" / f"{path.stem}.svg" for path in (ROOT / "tasks").glob("*.yaml")}
-    kept = {p for p in (DOCS / "images").iterdir() if p.suffix in (".svg", ".png")}
+    images = DOCS / "images"
+    names = [path.stem for path in (ROOT / "tasks").glob("*.yaml")]
+    shown = {images / f"{name}.svg" for name in names}
+    shown |= {images / "tasks" / f"{name}{kind}" for name in names for kind in (".svg", ".webp")}
+    kept = {p for p in images.rglob("*") if p.suffix in (".svg", ".png", ".webp")}
     shown &= kept
     for path in DOCUMENTS:
         for targets in re.findall(r"!\[[^\]]+\]\(([^)]+)\)|<img src=\"([^\"]+)\"", text_of(path)):

@@ -188,7 +188,21 @@ def explain(
             autocompletion=completions.codes,
         ),
     ],
+    out: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[PATH]",
+            help="The file of --picture, .svg or .png; by default the name of the task with .svg.",
+        ),
+    ] = None,
     given: options.TaskOptions,
+    picture: Annotated[
+        bool,
+        typer.Option(
+            "--picture",
+            help="Draw the start, the frames, who controls their axes, and the path instead.",
+        ),
+    ] = False,
     form: Annotated[RunFormat, typer.Option("--format", help="The format of the explanation.")] = (
         RunFormat.TEXT
     ),
@@ -201,9 +215,11 @@ def explain(
         typer.Option("--terms", help="Show inertia, gravity and Coriolis terms at the tool."),
     ] = False,
 ) -> int:
-    """Say what a task makes of itself and comes to in a trial; or what a code means."""
-    from taskspec_runner.cli.explain import explain_what
+    """Say what a task makes of itself and comes to in a trial, or draw it; or what a code means."""
+    from taskspec_runner.cli.explain import draw_task, explain_what
 
+    if picture or out is not None:
+        return draw_task(what, out, given.sets, given.law, form, wanted=picture, terms=terms)
     return explain_what(what, given.sets, given.law, form, static=static, terms=terms)
 
 

@@ -74,7 +74,7 @@ class Film:
         if cut.camera is not None:
             view = seen_from(frame_run(world, SPLIT * cut.width / above), *cut.camera)
         self._panel = SignalPanel(recording, cut.width, below)
-        self._pictures = Pictures(world, cut.width, above, view)
+        self._pictures = Pictures(world, cut.width, above, view, many=True)
 
     def __enter__(self) -> Film:
         return self

@@ -6,23 +6,20 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.world.frames import surface
 from taskspec.program.world.holding import truly_holding
-from taskspec.spec import Shape, Task
+from taskspec.spec import Task
 from taskspec_runner.plant.arm import SceneArm
+from taskspec_runner.plant.looks import settle
 from taskspec_runner.plant.loose import loose
 from taskspec_runner.plant.mechanisms import coordinate_joint
 from taskspec_runner.plant.moving_base import MovingBases, moving
 from taskspec_runner.plant.names import PREFIX
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.plant.scene import build_scene
-from taskspec_runner.plant.shapes import visible_name
 from taskspec_runner.video.recording import Recording
 
 Vector = NDArray[np.float64]
 
-#: What is drawn of an endless shape goes beyond the tool's path over it by this much [m].
-_MARGIN = 0.14
 #: Samples that multisampling takes of a pixel.
 _SAMPLES = 4
 #: Edge of the map of the shadows [px].
@@ -48,8 +45,6 @@ class RecordedWorld:
         self.model, self.data = model, mujoco.MjData(model)
         model.vis.quality.offsamples = _SAMPLES
         model.vis.quality.shadowsize = _SHADOW
-        for name, shape in task.shapes.items():
-            self._show_endless(name, shape)
         self.links = bare_links(model, context.robot.tip_body)
         self._joints = scene.arm.places(model).positions
         self._coupling = context.robot.coupling
@@ -59,6 +54,7 @@ class RecordedWorld:
             [int(model.joint(PREFIX + name).qposadr[0]) for name in loose(task)], dtype=int
         )
         self._loose = _loose_poses(recording) if len(self._loose_at) else np.zeros((0, 0))
+        settle(model, self.show(0), task, recording.tip)
 
     def show(self, row: int) -> mujoco.MjData:
         """Puts everything where it was at a row of the log."""
@@ -75,21 +71,6 @@ class RecordedWorld:
         mujoco.mj_comPos(self.model, data)
         mujoco.mj_camlight(self.model, data)
         return data
-
-    def _show_endless(self, name: str, shape: Shape) -> None:
-        """Draws a shape that is endless where the tool goes over it."""
-        solid = surface(shape)
-        R, origin = solid.rotation, solid.origin
-        over = (self.recording.tip - origin) @ R
-        low, high = over.min(axis=0) - _MARGIN, over.max(axis=0) + _MARGIN
-        visible = solid.visible_geom((high + low) / 2, (high - low)[:2] / 2)
-        if visible is None or visible.corners is not None:
-            return
-        geom, center = self.model.geom(visible_name(name)).id, np.array(visible.center)
-        place = center if shape.motion is not None else origin + R @ center
-        self.model.geom_size[geom] = visible.size
-        self.model.geom_pos[geom] = place
-        self.model.geom_rbound[geom] = float(np.linalg.norm(visible.size))
 
 
 def bare_links(model: mujoco.MjModel, tip_body: str) -> tuple[tuple[int, int], ...]:
