@@ -13,7 +13,7 @@ import typer
 
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.cli import completions
-from taskspec_runner.cli.formats import OutcomeFormat, RunFormat
+from taskspec_runner.cli.formats import Equal, OutcomeFormat, RunFormat
 
 TaskFile = Annotated[
     Path, typer.Argument(metavar="FILE", help="The task file; - is standard input.")
@@ -249,6 +249,13 @@ class CompareOptions:
             help="A law to compare, its gains designed; may be repeated.",
             show_default="every law",
             autocompletion=completions.laws,
+        ),
+    ] = None
+    equal: Annotated[
+        Equal | None,
+        typer.Option(
+            help="What all laws have in common: motion axes of equal closed-loop bandwidth.",
+            show_default="designed gains",
         ),
     ] = None
     sets: Sets = field(default_factory=list)

@@ -15,7 +15,7 @@ from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.folder import PAGE, PICTURE
 from taskspec_runner.compare.overlay import CUT_SHORT, overlay, role
 from taskspec_runner.compare.picture import comparison_svg, counted, time_of
-from taskspec_runner.compare.ranking import RANKED, compared_by
+from taskspec_runner.compare.ranking import DESIGNED, EQUAL_BANDWIDTH, RANKED, compared_by
 from taskspec_runner.compare.tracking import KINDS, best
 from taskspec_runner.pages.document import (
     DASH,
@@ -116,7 +116,10 @@ def _ranking(comparison: Comparison) -> Markup | None:
     if not shown:
         return None
     kind = compared_by(comparison.summary["force_axes"])
-    return joined(element("p", *shown, class_="ranking"), note(RANKED.format(kind=kind)))
+    gains = EQUAL_BANDWIDTH if comparison.summary.get("equal") else DESIGNED
+    return joined(
+        element("p", *shown, class_="ranking"), note(RANKED.format(kind=kind), " ", gains)
+    )
 
 
 def _laws(comparison: Comparison) -> Markup:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,8 @@ _LIMITED = {
     "deviation": "position error",
     "joint_position": "joint positions",
 }
+#: A checksum, and so many of its digits as tell it from others.
+_CHECKSUM, _DIGITS = re.compile(r"[0-9a-f]{64}"), 12
 #: A look shows no more than this share of a run to either side.
 _PART = 0.3
 #: A look at what went wrong shows its stage so far, at least and at most so long before and after
@@ -395,17 +398,19 @@ def _truth(run: Run) -> Markup:
 
 
 def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Leaves of nested data as dotted name and text."""
+    """Leaves of nested data as dotted name and text, empty where there is nothing."""
     if isinstance(value, Mapping):
         for key, leaf in value.items():
             yield from _flat(leaf, f"{prefix}.{key}" if prefix else str(key))
     elif isinstance(value, list):
-        yield prefix, ", ".join(map(_text, value)) or "–"
+        yield prefix, ", ".join(map(_text, value))
     else:
-        yield prefix, _text(value) or "–"
+        yield prefix, _text(value)
 
 
 def _text(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
-    return "" if value is None else str(value)
+    text = "" if value is None else str(value)
+    # The whole of a checksum stands in the manifest.
+    return f"{text[:_DIGITS]}…" if _CHECKSUM.fullmatch(text) else text

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
 from taskspec.program.worlds import component_dimension
@@ -52,6 +53,8 @@ Json = Mapping[str, Any]
 _KINDS = {MET: "passed", MISSED: "missed"}
 #: Parameters whose margins are drawn at once; those of others when they are asked for.
 _DRAWN = 6
+#: A spread of less than this share of a value is a number, and no histogram.
+_SAME = 1e-4
 #: What is less likely than this is not taken for chance.
 _CHANCE = 0.01
 _CHOSEN = "these worlds were chosen and not drawn, so that they tell of no probability"
@@ -265,9 +268,11 @@ def _charts(found: Sequence[WorldColumn], influences: Sequence[Influence]) -> It
         choose = element("p", *choices, class_="choose")
         title = "Success over two parameters"
         yield section(title, choose, figure(success), look="success")
-    peaks = [figure(_chart(c, "")) for c in found if c.kind == "peak" and _told(c)]
-    place = element("div", *peaks, class_="three") if peaks else Markup("")
-    yield section("Largest of each world", place)
+    peaks = [c for c in found if c.kind == "peak" and _told(c)]
+    drawn = [figure(_chart(c, "")) for c in peaks if not _alike(c)]
+    place = element("div", *drawn, class_="three") if drawn else Markup("")
+    same = pairs([(c.label, _of_all(c)) for c in peaks if _alike(c)], "facts")
+    yield section("Largest of each world", place + same)
 
 
 #: Choices of a parameter: word, axis, and which is chosen first.
@@ -319,6 +324,19 @@ def _worlds(result: SweepResult, found: Sequence[WorldColumn]) -> Markup:
     )  # fmt: skip
     heading = element("h2", "Worlds", id="worlds")
     return element("section", heading, filter_, place, about, class_="worlds")
+
+
+def _alike(column: WorldColumn) -> bool:
+    """Whether all worlds have the same number there, to the digits that a page shows."""
+    return bool(np.nanmax(column.values) - np.nanmin(column.values) < _SAME * _largest(column))
+
+
+def _largest(column: WorldColumn) -> float:
+    return float(np.nanmax(np.abs(column.values)))
+
+
+def _of_all(column: WorldColumn) -> str:
+    return f"{number(_largest(column), 4)} {column.shown_unit} in every world".replace("  ", " ")
 
 
 def _told(column: WorldColumn) -> bool:
