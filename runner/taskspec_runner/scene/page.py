@@ -13,7 +13,7 @@ from taskspec_runner.runs import Run
 from taskspec_runner.scene.bundle import packed, packed_bundle
 from taskspec_runner.scene.model import Json
 from taskspec_runner.scene.recorded import recorded_scene
-from taskspec_runner.video.canvas import backends
+from taskspec_runner.video.canvas import NoCanvasError, backends
 from taskspec_runner.video.recording import Recording, steadiest_contact
 from taskspec_runner.video.still import still_of
 from taskspec_runner.video.world import RecordedWorld
@@ -43,10 +43,20 @@ def pictured(run: Run) -> Pictured | None:
         recording = Recording.of(run)
         world = RecordedWorld(recording)
         clock = float(recording.clock[steadiest_contact(recording)])
-        return Pictured(clock, still_of(world, clock) if backends() else "", recorded_scene(world))
+        return Pictured(clock, _still(world, clock), recorded_scene(world))
     # Whatever keeps it from being drawn: a report without a picture is still a report.
     except Exception:
         return None
+
+
+def _still(world: RecordedWorld, clock: float) -> str:
+    """The picture; empty where there is nothing to draw with."""
+    if not backends():
+        return ""
+    try:
+        return still_of(world, clock)
+    except NoCanvasError:
+        return ""
 
 
 def arm_figure(shown: Pictured, *, live: bool) -> Markup:

@@ -81,8 +81,12 @@ function played(figure, scene, lib) {
 
 const armFigure = document.querySelector(".arm");
 if (armFigure && document.getElementById("scene-data")) {
+  const bare = armFigure.hidden;
   Promise.all([unpacked("scene-data"), unpacked("scene-code")])
-    .then(([data, code]) => played(armFigure, JSON.parse(data), new Function(`${code};return taskspecScene;`)()))
-    // The picture stays.
-    .catch(() => armFigure.classList.add("without"));
+    .then(([data, code]) => {
+      armFigure.hidden = false;
+      played(armFigure, JSON.parse(data), new Function(`${code};return taskspecScene;`)());
+    })
+    // Without WebGL the picture stays, if there is one.
+    .catch((error) => { armFigure.hidden = bare; armFigure.dataset.without = error.message; });
 }
