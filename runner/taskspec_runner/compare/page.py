@@ -114,7 +114,8 @@ def _arms(comparison: Comparison, laid: Overlay) -> Markup:
     law = next((law for law in found if law in laid.runs and law != laid.lead), None)
     other = beside(laid.runs[law], law, role(law), laid.begins[law]) if law else None
     begin = laid.begins[laid.lead]
-    return section("", arm_figure(shown, title=f"Arm {laid.under}", begin=begin, other=other))
+    shown_arm = arm_figure(shown, title=f"Arm {laid.under}", begin=begin, other=other)
+    return section("Arms" if other else "Arm", shown_arm)
 
 
 def _name(comparison: Comparison, law: str, *beside: object) -> Markup:

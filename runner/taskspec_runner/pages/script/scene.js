@@ -26,7 +26,7 @@ function played(figure, scene, lib) {
     second?.arm.show(second.rows.at(time - other.begin).q);
     seek.value = time;
     seek.setAttribute("aria-valuetext", `${time.toFixed(2)} s`);
-    said.textContent = ` at ${time.toFixed(2)} s`;
+    said.textContent = ` at ${minus(time.toFixed(2))} s`;
   }
 
   function run_(on) {
