@@ -10,6 +10,7 @@ from pathlib import Path
 from taskspec.compiler import compile_task
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
+from taskspec.missing import require
 from taskspec.program.context import Context
 from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
@@ -141,11 +142,13 @@ def execute_program(
     Raises:
         InputError: there is no native loop, and no other is wanted; or what the link is to is not
             what the task is for.
+        MissingLibraryError: there is nothing that writes a log.
         OutputError: the folder cannot be written.
         RunCrashedError: an internal error; the log holds every tick up to it.
         KeyboardInterrupt: interrupted outside the simulation itself; `Terminated` unless by SIGINT.
     """
     wanted = loop_wanted(loop) if link is None else PYTHON
+    require("pyarrow", "the log of a run")
     with Termination():
         if link is not None and link.measured:
             # Nobody knows what is true of it.

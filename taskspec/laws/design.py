@@ -1,4 +1,4 @@
-"""Designed gains: rules for what a file leaves out, shared by the laws (docs/language.md).
+"""Designed gains: rules for what a file leaves out, shared by the laws (docs/language/gains.md).
 
 A designed gain follows from the effective mass h of the axis, the nominal contact stiffness k and
 the control period T, so that a task file need not know any of them.

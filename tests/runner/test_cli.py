@@ -656,8 +656,8 @@ stages: {go: {time: 1 s}}
     for row in (
         "robot.sensor.rate that of the controller",
         "world.rim.frame world",
-        # As docs/language.md has them: 20 kN/m, on joints 2 kN m/rad, and 0.1 * 2 sqrt(k h) with
-        # 1 kg and 0.05 kg m^2.
+        # As docs/language/equations.md has them: 20 kN/m, on joints 2 kN m/rad, and
+        # 0.1 * 2 sqrt(k h) with 1 kg and 0.05 kg m^2.
         "world.bars.stiffness 2000 N*m/rad",
         "world.bars.damping 2 N*m*s/rad",
         "world.cap.knob fixed",

@@ -16,7 +16,6 @@ from taskspec_runner.editor.names import DECLARING, Declared
 from taskspec_runner.editor.opened import OpenedFile
 
 _DOTTED = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(?:\.[A-Za-z0-9_]+)*")
-_PAGE = "docs/language.md"
 
 
 @dataclass(frozen=True, slots=True)
