@@ -12,6 +12,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import TRANSLATIONS, Axis
 from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.video.equations import equation_surfaces
+from taskspec_runner.video.recording import Recording
 from taskspec_runner.video.world import RecordedWorld
 
 Vector = NDArray[np.float64]
@@ -76,6 +77,14 @@ class DrawnPath:
     halves: Vector
 
 
+def arrow_scale(recording: Recording) -> float:
+    """Length of the force arrow [m/N], 0 where a run has no force."""
+    force = np.linalg.norm(recording.force, axis=1)
+    # A short impact should not make everything after it small.
+    largest = float(np.quantile(force, 0.995))
+    return _LONGEST_ARROW / largest if largest > _LEAST_FORCE else 0.0
+
+
 class Marks:
     """The marks of a run, for any of its rows.
 
@@ -89,10 +98,7 @@ class Marks:
         """Prepares the marks of a world, `size` times as large."""
         self._world, self._size = world, size
         recording = self.recording = world.recording
-        force = np.linalg.norm(recording.force, axis=1)
-        # A short impact should not make everything after it small.
-        largest = float(np.quantile(force, 0.995))
-        self.scale = size * _LONGEST_ARROW / largest if largest > _LEAST_FORCE else 0.0
+        self.scale = size * arrow_scale(recording)
         jumps = [visit.first for visit in recording.visits]
         self.wanted = _bars(recording.wanted, jumps)
         self._traced = _bars(recording.point, jumps)
