@@ -294,7 +294,7 @@ def _tapped(recorder: Recorder, parts: Assembly[Driven], folder: Path, manner: _
         every = ticks_between(telemetry.address.rate, period)
         rows = Tap(rows, every, lambda: telemetry.send(recorder.latest()))
     if spectator is not None:
-        spectator.begin(parts, folder)
+        spectator.begin(parts, recorder, folder)
         every = ticks_between(spectator.rate, period)
         rows = Tap(rows, every, spectator.look, lambda: spectator.looks)
     return rows

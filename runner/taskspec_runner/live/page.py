@@ -186,6 +186,12 @@ def so_far(judged: Sequence[Judged], stage: str) -> Mapping[str, Any]:
     return {"box": box, "expectations": _expectations(judged, pale=True), "over": False}
 
 
+def judging() -> Mapping[str, Any]:
+    """What a page shows of a run whose last tick has been."""
+    text = "It has come to its end, and is judged now; its report follows."
+    return {"box": outcome("done", "Judging", element("p", text)), "over": False}
+
+
 def at_end(run: Run) -> Mapping[str, Any]:
     """What a page shows of a run that has ended."""
     said = verdict(run)

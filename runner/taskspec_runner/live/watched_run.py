@@ -17,12 +17,13 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.program.worlds import World
 from taskspec_runner.live.channel import Channel
-from taskspec_runner.live.page import LAST, at_end, live_charts, live_page, so_far
+from taskspec_runner.live.page import LAST, at_end, judging, live_charts, live_page, so_far
 from taskspec_runner.live.server import PageServer
 from taskspec_runner.loop.assembly import Assembly
 from taskspec_runner.loop.driven import Driven
-from taskspec_runner.record.bus import Bus
+from taskspec_runner.loop.tap import ticks_between
 from taskspec_runner.record.layout import LogLayout, stage_names
+from taskspec_runner.record.recorder import Recorder
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judge import judge_run
 
@@ -78,9 +79,13 @@ class WatchedRun:
         self._traces = [trace for chart in self._charts for trace in chart.traces]
         self._looks: deque[_Look] = deque(maxlen=round(LAST * RATE))
         self._channel = Channel(round(LAST * MESSAGES))
-        self._over = threading.Event()
+        self._sending = threading.Lock()
+        self._over, self._runs = threading.Event(), True
         self._feeder: threading.Thread | None = None
-        self._bus: Bus | None = None
+        self._recorder: Recorder | None = None
+        self._every = ticks_between(RATE, program.context.period)
+        #: The next tick that is taken, and where a tick has its time.
+        self._due = self._clock_at = 0
         self._folder = Path()
         #: Wall clock at the run's zero, while it keeps to that.
         self._zero = math.inf
@@ -93,7 +98,9 @@ class WatchedRun:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.finish()
+        self._over.set()
+        if self._feeder is not None:
+            self._feeder.join()
         self.server.close()
 
     @property
@@ -101,37 +108,39 @@ class WatchedRun:
         """Whether anybody has the page open."""
         return self._channel.read
 
-    def begin(self, parts: Assembly[Driven], folder: Path) -> None:
-        """Takes the parts of a run that starts now, and its folder."""
-        self._bus, self._folder = parts.bus, folder
+    def begin(self, parts: Assembly[Driven], recorder: Recorder, folder: Path) -> None:
+        """Takes the parts of a run that starts now, what has its newest ticks, and its folder."""
+        self._clock_at = parts.bus.slices["clock"].start
+        self._recorder, self._folder = recorder, folder
         self._feeder = threading.Thread(target=self._feed, name="page of the run", daemon=True)
         self._feeder.start()
 
     def look(self) -> None:
-        """Takes the tick that the bus has now; holds the run back to the wall clock if watched."""
-        assert self._bus is not None
-        now, row = time.perf_counter(), self._bus.array.copy()
-        self._looks.append(_Look(row, now))
+        """Takes the ticks since the last time; holds the run back to the wall clock if watched."""
+        assert self._recorder is not None
+        assert self._recorder.block is not None
+        ring = self._recorder.block.rows
+        now, due = time.perf_counter(), range(self._due, self._recorder.ticks, self._every)
+        self._looks.extend(_Look(ring[tick % len(ring)].copy(), now) for tick in due)
+        self._due += self._every * len(due)
         if not self.looks:
             self._zero = math.inf
             return
-        zero = now - float(row[self._bus.slices["clock"].start])
+        zero = now - self._recorder.ticks * self._program.context.period
         if abs(zero - self._zero) > _BEHIND:
             self._zero = zero
         time.sleep(max(self._zero - zero, 0.0))
 
     def finish(self) -> None:
-        """Shows the last ticks."""
-        self._over.set()
-        if self._feeder is not None:
-            self._feeder.join()
-            self._feeder = None
-            self._send_rows()
-            self._channel.send("state", "the report is being made")
+        """Learns that no more ticks will come."""
+        self._runs = False
+        self._channel.send("verdict", judging())
 
     def end(self, run: Run) -> None:
         """Shows the verdict on the run, and serves its report."""
         self.server.folder = run.folder
+        if self._channel.read:
+            self._send_rows()
         self._channel.send("verdict", at_end(run))
 
     def _page(self) -> str:
@@ -142,12 +151,15 @@ class WatchedRun:
     def _feed(self) -> None:
         """Makes messages of the ticks that the loop leaves."""
         while not self._over.wait(1 / MESSAGES):
-            if self._channel.read and self._send_rows():
+            if self._channel.read and self._send_rows() and self._runs:
                 self._judge()
 
     def _send_rows(self) -> bool:
         """Sends the ticks that there are; whether there were any."""
-        looks = list(self._taken())
+        with self._sending:
+            return self._sent(list(self._taken()))
+
+    def _sent(self, looks: list[_Look]) -> bool:
         if not looks:
             return False
         rows = [self._row(look) for look in looks]
@@ -165,8 +177,7 @@ class WatchedRun:
             yield self._looks.popleft()
 
     def _clock(self, look: _Look) -> float:
-        assert self._bus is not None
-        return float(look.row[self._bus.slices["clock"].start])
+        return float(look.row[self._clock_at])
 
     def _row(self, look: _Look) -> list[float | None]:
         """Time, number of the stage, then the values of all traces in their charts' units."""
@@ -186,8 +197,8 @@ class WatchedRun:
         if began < self._judged_next:
             return
         history = Run(self._folder, program=self._program).history
-        if len(history):
-            judged = judge_run(self._program, history)
+        judged = judge_run(self._program, history) if len(history) else ()
+        if len(history) and self._runs:
             self._channel.send("verdict", so_far(judged, str(history.stages[-1])))
         spent = time.perf_counter() - began
         self._judged_next = began + max(_JUDGED_EVERY, spent / _JUDGED_SHARE)

@@ -93,11 +93,11 @@ class Spectator(Protocol):
     def looks(self) -> bool:
         """Whether it is to be called at `rate`; otherwise after each block of ticks."""
 
-    def begin(self, parts: Assembly[Driven], folder: Path) -> None:
-        """Takes the parts of a run that starts now, and its folder."""
+    def begin(self, parts: Assembly[Driven], recorder: Recorder, folder: Path) -> None:
+        """Takes the parts of a run that starts now, what has its newest ticks, and its folder."""
 
     def look(self) -> None:
-        """Takes the tick that the bus has now; it may hold the run back."""
+        """Takes the ticks since the last time; it may hold the run back."""
 
     def finish(self) -> None:
         """Learns that no more ticks will come."""

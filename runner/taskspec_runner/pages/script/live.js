@@ -6,7 +6,7 @@ for (const p of charts) {
   for (const t of p.traces) [t.x, t.y] = [[], []];
   p.figure.hidden = true;
 }
-let due = false, stageOf = null;
+let due = false, stageOf = null, ended = false;
 
 /** Draws at the next frame. */
 function refresh() {
@@ -56,13 +56,12 @@ function take({ rows, speed }) {
 
 const source = new EventSource("events");
 source.addEventListener("rows", (event) => take(JSON.parse(event.data)));
-source.addEventListener("state", (event) => { shownSpeed.textContent = JSON.parse(event.data); });
 source.addEventListener("verdict", (event) => {
   const { box, expectations, over } = JSON.parse(event.data);
   place("verdict").innerHTML = box;
-  place("expectations").innerHTML = expectations;
-  if (!over) return;
-  source.close();
-  shownSpeed.textContent = "the run has ended";
+  if (expectations !== undefined) place("expectations").innerHTML = expectations;
+  ended = over;
 });
-source.addEventListener("error", () => { shownSpeed.textContent = "no connection to the run"; });
+source.addEventListener("error", () => {
+  if (ended) source.close(); else shownSpeed.textContent = "no connection to the run";
+});
