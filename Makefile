@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
-.PHONY: docs docs-shown docs-site vscode docs-serve steps foreign native designs equivalence truth tsid referee check
+.PHONY: docs docs-shown docs-site vscode scene docs-serve steps foreign native designs equivalence truth tsid referee check
 .PHONY: clean bounds
 
 demo: $(READY)  ## run the wiping task and say where its report is
@@ -109,6 +109,9 @@ bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a chan
 	$(BIN)/python benchmarks/bench_stages.py
 	$(BIN)/python benchmarks/bench_validate.py
 	$(BIN)/python benchmarks/bench_exact.py
+
+scene:  ## the script of the scene in pages, from runner/taskspec_runner/scene/js; needs npm
+	cd runner/taskspec_runner/scene/js && npm ci --no-audit --no-fund && npm run build
 
 vscode:  ## the extension for VS Code, as editors/vscode/taskspec-VERSION.vsix; needs npm
 	cd editors/vscode && npm install --no-audit --no-fund && npx vsce package

@@ -45,6 +45,7 @@ from taskspec_runner.report import annotated, figures, recorded, tables, to_rest
 from taskspec_runner.report.events import events, fault_spans
 from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.runs import Run
+from taskspec_runner.scene.page import Pictured, arm_figure, pictured
 from taskspec_runner.verdict.judged import SHARE, Judged, Margin
 from taskspec_runner.verdict.outcome import (
     Verdict,
@@ -55,7 +56,6 @@ from taskspec_runner.verdict.outcome import (
     so_far,
     verdict,
 )
-from taskspec_runner.video.still import still_for_report
 
 #: The chart on which a limit is drawn, by its name.
 _LIMITED = {
@@ -81,11 +81,11 @@ def write_report(run: Run) -> Path:
     Raises:
         OSError: the folder cannot be written.
     """
-    return write_whole(run.folder / REPORT, render(run, still_for_report(run)))
+    return write_whole(run.folder / REPORT, render(run, pictured(run)))
 
 
-def render(run: Run, still: tuple[str, float] | None = None) -> str:
-    """The page of a run, with a picture of the arm at a run time [s] where there is one."""
+def render(run: Run, arm: Pictured | None = None) -> str:
+    """The page of a run, with the arm where it is pictured."""
     parts = figures.sections(run)
     shown = to_rest.going_on(run, parts)
     charts = [chart for each in shown for chart in each.charts]
@@ -98,12 +98,11 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
     return document(
         f"{title}: {said.kind}",
         head(kind, title, _text(run.summary.get("about")), _outcome(run, said, bool(charts))),
-        *_first(run, time, main, parts),
+        *_first(run, time, main, parts, arm),
         _expectations(run, said),
         _findings(run),
         section("", pairs(_facts(run), "facts")),
         _truth(run),
-        _still(still),
         _stages(run),
         *(_charts(each, main) for each in shown),
         _of_tables("Responses", *tables.responses(run), _about_responses(run),
@@ -112,7 +111,7 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
         annotated.annotated_task(run),
         recorded.columns(run),
         data=data if charts else None,
-        scripts=("samples", "plot", "legend", "time"),
+        scripts=("samples", "plot", "legend", "time", "scene"),
         facts=pairs(_flat(recorded.without_paths(run.manifest))),
         remark=density(run, data["samples"]),
     )  # fmt: skip
@@ -138,14 +137,16 @@ def _outcome(run: Run, said: Verdict, drawn: bool) -> Markup:
 
 
 def _first(
-    run: Run, time: Timeline, main: Chart | None, parts: Sequence[Section]
+    run: Run, time: Timeline, main: Chart | None, parts: Sequence[Section], arm: Pictured | None
 ) -> tuple[Markup, ...]:
-    """The chart to see first, below the buttons for the window of all."""
+    """The arm and the chart to see first, below the buttons for the window of all."""
     if main is None:
         text = "The log holds no complete batch of ticks, so there is nothing to draw."
-        return (element("section", note(text)),)
-    place = section("", figure(main), look="charts main")
-    return bar(time.stages(), "Whole run"), patience(Markup(overview_svg(run, parts=parts))), place
+        seen = section("", arm_figure(arm, live=False)) if arm else None
+        return tuple(each for each in (element("section", note(text)), seen) if each)
+    place = [figure(main)] if arm is None else [arm_figure(arm, live=True), figure(main)]
+    front = section("", joined(*place), look="charts main front" if arm else "charts main")
+    return bar(time.stages(), "Whole run"), patience(Markup(overview_svg(run, parts=parts))), front
 
 
 def _charts(part: Section, main: Chart | None) -> Markup:
@@ -265,23 +266,6 @@ def _findings(run: Run) -> Markup:
     ]  # fmt: skip
     found = table(["", "Stage", "Measured"], rows, "judged pale")
     return section("Oscillation and saturation", found, look="first")
-
-
-def _still(still: tuple[str, float] | None) -> Markup:
-    """A picture of the arm."""
-    if still is None:
-        return Markup("")
-    legend = {"force": "force axes", "motion": "motion axes", "free": "free axes"}
-    axes = Markup(", ").join(element("b", text, class_=look) for look, text in legend.items())
-    text = joined(
-        element("b", "Arrow", class_="applied"), ": the force that the robot applies. Frame: ",
-        axes, ". Pale: ", element("b", "reference", class_="wanted"), "; dark: tool path.",
-    )  # fmt: skip
-    what = f"The arm at {still[1]:.2f} s"
-    picture = element("img", src=still[0], width=1120, height=490,
-                      alt=f"{what}, and its tool from near by")  # fmt: skip
-    caption = element("figcaption", element("p", text, class_="note"))
-    return section(what, element("figure", picture, caption, class_="still"))
 
 
 def _stages(run: Run) -> Markup:

@@ -72,7 +72,8 @@ class Film:
         above = cut.height - below
         view = None
         if cut.camera is not None:
-            view = seen_from(frame_run(world, SPLIT * cut.width / above), *cut.camera)
+            shown = frame_run(world).view(world.model, SPLIT * cut.width / above)
+            view = seen_from(shown, *cut.camera)
         self._panel = SignalPanel(recording, cut.width, below)
         self._pictures = Pictures(world, cut.width, above, view)
 

@@ -12,6 +12,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import TRANSLATIONS, Axis
 from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.video.equations import equation_surfaces
+from taskspec_runner.video.recording import Recording
 from taskspec_runner.video.world import RecordedWorld
 
 Vector = NDArray[np.float64]
@@ -24,7 +25,7 @@ FREE: Color = (0.55, 0.58, 0.62, 1.0)
 APPLIED: Color = (0.98, 0.66, 0.05, 1.0)
 WANTED: Color = (0.45, 0.70, 0.98, 1.0)
 TRACE: Color = (0.10, 0.13, 0.20, 1.0)
-_SURFACE: Color = (0.35, 0.62, 0.85, 0.22)
+SURFACE: Color = (0.35, 0.62, 0.85, 0.22)
 _LINK: Color = (0.80, 0.82, 0.85, 1.0)
 
 #: Of an arrow for the largest force of a run [m]; below this force [N] none is drawn.
@@ -76,6 +77,14 @@ class DrawnPath:
     halves: Vector
 
 
+def arrow_scale(recording: Recording) -> float:
+    """Length of the force arrow [m/N], 0 where a run has no force."""
+    force = np.linalg.norm(recording.force, axis=1)
+    # A short impact should not make everything after it small.
+    largest = float(np.quantile(force, 0.995))
+    return _LONGEST_ARROW / largest if largest > _LEAST_FORCE else 0.0
+
+
 class Marks:
     """The marks of a run, for any of its rows.
 
@@ -87,10 +96,7 @@ class Marks:
         """Prepares the marks of a world, `size` times as large."""
         self._world, self._size = world, size
         recording = self.recording = world.recording
-        force = np.linalg.norm(recording.force, axis=1)
-        # A short impact should not make everything after it small.
-        largest = float(np.quantile(force, 0.995))
-        self.scale = size * _LONGEST_ARROW / largest if largest > _LEAST_FORCE else 0.0
+        self.scale = size * arrow_scale(recording)
         jumps = [visit.first for visit in recording.visits]
         self._wanted = _bars(recording.wanted, jumps)
         self._traced = _bars(recording.point, jumps)
@@ -127,7 +133,7 @@ class Marks:
                 mujoco.mjv_connector(geom, kind, _LINK_RADIUS, *ends)
         for surface in self._surfaces:
             place = surface.size, surface.center, surface.rotation
-            _new(scene, _SURFACE, surface.kind, *place)
+            _new(scene, SURFACE, surface.kind, *place)
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
         """Adds paths, frame and force at a row."""

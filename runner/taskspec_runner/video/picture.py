@@ -47,7 +47,7 @@ class Pictures:
         self._world = world
         self._sizes = (round(SPLIT * width) - _GAP, width - round(SPLIT * width))
         self._width, self._height = width, height
-        self.view = view or frame_run(world, self._sizes[0] / height)
+        self.view = view or frame_run(world).view(world.model, self._sizes[0] / height)
         self.close = close_view(world, self.view, self._sizes[1] / height)
         self.marks = Marks(world), Marks(world, _CLOSE_SIZE)
         self.canvas = Canvas(world.model, max(self._sizes), height)

@@ -98,7 +98,7 @@ class Show:
 
     def camera(self) -> mujoco.MjvCamera:
         """The camera at first."""
-        found = frame_run(self.world, _ASPECT)
+        found = frame_run(self.world).view(self.world.model, _ASPECT)
         if self._cut.camera is not None:
             found = seen_from(found, *self._cut.camera)
         return found.camera()
