@@ -18,13 +18,13 @@ from typer.testing import CliRunner
 from taskspec.compiler import compile_task
 from taskspec.spec import load_task, load_text
 from taskspec_runner.cli.app import app
-from taskspec_runner.cli.sweep import describe
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record.lock import FolderLock
 from taskspec_runner.record.manifest import seal
 from taskspec_runner.record.names import JOURNAL, LOG, SWEEP, TABLE, TASK
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
+from taskspec_runner.sweep.progress import describe
 from taskspec_runner.sweep.bundle import Bundle, program_of
 from taskspec_runner.sweep.engine import Work, run_work
 from taskspec_runner.sweep.executors import Workers

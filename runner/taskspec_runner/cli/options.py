@@ -377,3 +377,21 @@ class CutOptions:
             show_default="found for each run",
         ),
     ] = None
+
+
+@dataclass(frozen=True)
+class ReplayOptions:
+    """Where a recorded run is looked at, if it is no video."""
+
+    view: Annotated[bool, typer.Option("--view", help="Open a window; this is the default.")] = (
+        False
+    )
+    web: Annotated[
+        bool,
+        typer.Option(
+            "--web",
+            help="Serve its report to a browser of this machine, with the arm in motion, until "
+            "Ctrl-C.",
+        ),
+    ] = False
+    port: Port = None

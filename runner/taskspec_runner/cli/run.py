@@ -136,7 +136,8 @@ def _page(program: Program, world: World | None, watched: WatchOptions) -> Watch
     from taskspec_runner.live.watched_run import WatchedRun
 
     page = WatchedRun(program, world or true_world(program.context), watched.place)
-    announce(page.server.url)
+    if announce(page.server.url):
+        page.expect()
     return page
 
 

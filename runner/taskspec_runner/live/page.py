@@ -26,7 +26,7 @@ from taskspec_runner.pages.document import (
     sign,
     table,
 )
-from taskspec_runner.pages.html import element, prose
+from taskspec_runner.pages.html import element, joined, prose
 from taskspec_runner.pages.numbers import plain_scale
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judged import Judged
@@ -105,11 +105,18 @@ def _chart(key: str, title: str, names: Iterable[str], units: Mapping[str, str])
     return LiveChart(key, title, unit, tuple(sorted(lines, key=lambda line: line.style != "halo")))
 
 
-def live_page(task: Task, charts: Sequence[LiveChart], stages: Sequence[str], period: float) -> str:
+def live_page(
+    task: Task,
+    charts: Sequence[LiveChart],
+    stages: Sequence[str],
+    period: float,
+    arm: Markup | None = None,
+) -> str:
     """The page of a run.
 
     Args:
         task: that is run.
+        arm: the figure of its scene, if it can be drawn.
         charts: in the order of the page; rows of the run have the values of their traces in order.
         stages: names, by the numbers that rows have.
         period: of control [s].
@@ -145,10 +152,11 @@ def live_page(task: Task, charts: Sequence[LiveChart], stages: Sequence[str], pe
             pairs(facts, "facts"),
         ),
         bar([], f"Last {LAST:g} s"),
-        section("", *places, look="charts live"),
+        section("", joined(arm, *places[:1]), look="charts main front"),
+        section("", *places[1:], look="charts") if places[1:] else Markup(""),
         element("div", id="expectations"),
         data=data,
-        scripts=("samples", "plot", "legend", "time", "live"),
+        scripts=("samples", "plot", "legend", "time", "scene", "live"),
         facts=Markup(""),
     )
 

@@ -32,7 +32,7 @@ _PATIENCE = 10.0
 _FAREWELL = 0.5
 #: A page runs its own script and no other, and reaches nothing but this server.
 _POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
     "img-src data: blob:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'"
 )
@@ -203,11 +203,14 @@ class _Handler(BaseHTTPRequestHandler):
         """Requests are not written to the terminal."""
 
 
-def announce(url: str) -> None:
-    """Prints where a page is, on standard error, and opens it where there is a screen."""
+def announce(url: str) -> bool:
+    """Prints where a page is, on standard error; returns whether a browser opens it."""
     # By itself in its line, so that a terminal makes a link of it.
     print(url, file=sys.stderr, flush=True)  # noqa: T201
+    if not has_screen():
+        return False
     with contextlib.suppress(webbrowser.Error):
-        if has_screen() and type(browser := webbrowser.get()) is not webbrowser.GenericBrowser:
-            # A generic one would take the terminal.
-            browser.open(url)
+        browser = webbrowser.get()
+        # A generic one would take the terminal.
+        return type(browser) is not webbrowser.GenericBrowser and browser.open(url)
+    return False

@@ -6,9 +6,10 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from functools import cached_property
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +17,14 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.program.worlds import World
+from taskspec_runner.live.arm import LiveArm
 from taskspec_runner.live.channel import Channel
 from taskspec_runner.live.page import LAST, at_end, judging, live_charts, live_page, so_far
 from taskspec_runner.live.server import PageServer
 from taskspec_runner.loop.assembly import Assembly
 from taskspec_runner.loop.driven import Driven
 from taskspec_runner.loop.tap import ticks_between
+from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.layout import LogLayout, stage_names
 from taskspec_runner.record.recorder import Recorder
 from taskspec_runner.runs import Run
@@ -35,6 +38,8 @@ RATE, MESSAGES = 50.0, 30.0
 _DIGITS = 6
 #: The speed of a run is that of its last so many seconds of the wall clock.
 _SPEED_OVER = 1.0
+#: It takes a browser so long to open a page [s].
+_OPENING = 5.0
 #: A run that is looked at may fall behind the wall clock so far before that is forgiven [s].
 _BEHIND = 0.1
 #: A verdict on what there is is made no more often [s], and takes no more of the time than a share.
@@ -74,6 +79,7 @@ class WatchedRun:
             InputError: the port cannot be had.
         """
         self._program = program
+        self._true, self._slices = world.task, Bus(program.context.robot.n, world.task).slices
         self._layout = LogLayout.of(program, world.task)
         self._charts = live_charts(self._layout.units)
         self._traces = [trace for chart in self._charts for trace in chart.traces]
@@ -89,7 +95,7 @@ class WatchedRun:
         self._folder = Path()
         #: Wall clock at the run's zero, while it keeps to that.
         self._zero = math.inf
-        self._judged_next = 0.0
+        self._expected_until = self._judged_next = 0.0
         #: Wall clock and simulated time of the ticks that were sent last.
         self._recent: deque[tuple[float, float]] = deque()
         self.server = PageServer({"": self._page}, self._channel, port=port)
@@ -105,8 +111,12 @@ class WatchedRun:
 
     @property
     def looks(self) -> bool:
-        """Whether anybody has the page open."""
-        return self._channel.read
+        """Whether anybody has the page open, or is about to."""
+        return self._channel.read or time.monotonic() < self._expected_until
+
+    def expect(self) -> None:
+        """Learns that somebody is about to open the page."""
+        self._expected_until = time.monotonic() + _OPENING
 
     def begin(self, parts: Assembly[Driven], recorder: Recorder, folder: Path) -> None:
         """Takes the parts of a run that starts now, what has its newest ticks, and its folder."""
@@ -144,9 +154,21 @@ class WatchedRun:
         self._channel.send("verdict", at_end(run))
 
     def _page(self) -> str:
+        self.expect()
         names = stage_names(self._program.stages)
         context = self._program.context
-        return live_page(context.loaded.task, self._charts, names, context.period)
+        with self._sending:
+            arm = None if self._arm is None else self._arm.figure()
+        return live_page(context.loaded.task, self._charts, names, context.period, arm)
+
+    @cached_property
+    def _arm(self) -> LiveArm | None:
+        """The arm; None where it cannot be drawn."""
+        try:
+            return LiveArm(self._program, self._true, self._slices)
+        # Whatever the reason is: a page without a picture is still a page.
+        except Exception:
+            return None
 
     def _feed(self) -> None:
         """Makes messages of the ticks that the loop leaves."""
@@ -179,17 +201,21 @@ class WatchedRun:
     def _clock(self, look: _Look) -> float:
         return float(look.row[self._clock_at])
 
-    def _row(self, look: _Look) -> list[float | None]:
-        """Time, number of the stage, then the values of all traces in their charts' units."""
+    def _row(self, look: _Look) -> dict[str, Any]:
+        """Time, number of the stage, values of all traces in their charts' units, and the arm."""
         # One by one: functions of other numbers of rows are the recorder's.
-        columns = self._layout.columns(look.row[np.newaxis])
-        stage = min(float(columns["stage"][0][0]), len(self._program.stages))
-        values = (t.factor * float(columns[t.column][0][0]) for t in self._traces)
-        return [
-            round(self._clock(look), _DIGITS),
-            stage,
-            *(float(f"{v:.{_DIGITS}g}") if math.isfinite(v) else None for v in values),
-        ]
+        columns = {
+            name: float(values[0])
+            for name, (values, _) in self._layout.columns(look.row[np.newaxis]).items()
+        }
+        row = {
+            "time": columns["clock"],
+            "stage": min(int(columns["stage"]), len(self._program.stages)),
+            "values": _numbers(t.factor * columns[t.column] for t in self._traces),
+        }
+        if self._arm is not None:
+            row["arm"] = _numbers(self._arm.values(look.row, columns).tolist())
+        return row
 
     def _judge(self) -> None:
         """Judges the ticks that are on the disk."""
@@ -202,3 +228,8 @@ class WatchedRun:
             self._channel.send("verdict", so_far(judged, str(history.stages[-1])))
         spent = time.perf_counter() - began
         self._judged_next = began + max(_JUDGED_EVERY, spent / _JUDGED_SHARE)
+
+
+def _numbers(values: Iterable[float]) -> list[float | None]:
+    """Numbers for a page, None for one that is not finite."""
+    return [float(f"{v:.{_DIGITS}g}") if math.isfinite(v) else None for v in values]

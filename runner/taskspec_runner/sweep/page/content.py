@@ -57,12 +57,13 @@ _CHANCE = 0.01
 _CHOSEN = "these worlds were chosen and not drawn, so that they tell of no probability"
 
 
-def render(result: SweepResult, said: Json) -> str:
+def render(result: SweepResult, said: Json, so_far: Markup | None = None) -> str:
     """The page of a sweep.
 
     Args:
         result: what came of it.
         said: what `sweep.json` says of it.
+        so_far: how far it is, of one that goes on: the page then has itself loaded again.
     """
     task, rows = result.task, result.rows
     influences = [Influence(**each) for each in result.summary["influences"]]
@@ -74,7 +75,14 @@ def render(result: SweepResult, said: Json) -> str:
         facts = joined(facts, element("p", text), everywhere)
     return document(
         f"{task.name}: sweep",
-        head("taskspec sweep", task.name, task.about or "", *_verdicts(result), _ends(result)),
+        head(
+            "taskspec sweep",
+            task.name,
+            task.about or "",
+            so_far,
+            *_verdicts(result),
+            _ends(result),
+        ),
         _expectations(result),
         _failures(result, found),
         _influences(influences),
@@ -83,7 +91,7 @@ def render(result: SweepResult, said: Json) -> str:
         _worlds(result, found),
         task_file((result.path / TASK).read_text(encoding="utf-8")),
         data=_data(result, said, found),
-        scripts=("worlds", "worlds_charts", "worlds_table"),
+        scripts=("worlds", "worlds_charts", "worlds_table", *(["filling"] if so_far else [])),
         facts=facts,
     )
 
@@ -111,8 +119,8 @@ def _margin(margin: float, world: int, title: str | None = None) -> Markup:
     return joined(prose(f"{number(100 * margin, 3)} %"), " ", _world(world, title))
 
 
-def _verdicts(result: SweepResult) -> Iterator[Markup]:
-    """What the file expects of the sweep, else how many worlds succeed."""
+def _verdicts(result: SweepResult, until: str) -> Iterator[Markup]:
+    """What the file expects of the sweep, else how many worlds succeed; `until` as a word."""
     for each in result.summary["judged"]:
         kind = _KINDS.get(each["verdict"], "undecided")
         more = [rate_text(each)]
@@ -123,7 +131,7 @@ def _verdicts(result: SweepResult) -> Iterator[Markup]:
         line = _span(each["interval"], each["share"], each["least"])
         yield outcome(
             kind,
-            sign(kind) + each["verdict"],
+            sign(kind) + each["verdict"] + until,
             element("p", expression(each["text"]), " ", line),
             element("p", "; ".join(more), class_="rest"),
         )
