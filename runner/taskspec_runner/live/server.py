@@ -108,6 +108,7 @@ class PageServer:
     def wait(self) -> None:
         """Serves until Ctrl-C."""
         with contextlib.suppress(KeyboardInterrupt):
+            print("Ctrl-C ends the page", file=sys.stderr, flush=True)  # noqa: T201
             threading.Event().wait()
 
     def knows(self, host: str) -> bool:

@@ -70,12 +70,13 @@ class WatchedSweep:
         glimpse = self._glimpse
         if glimpse is None or not glimpse.folder.rows:
             return self._empty(glimpse)
-        # What a page has is no older than what it is told.
-        self._send(glimpse)
         folder = glimpse.folder
         written = folder.path / PAGE
         if self._over and written.is_file():
             return written.read_text(encoding="utf-8")
+        if not self._over:
+            # What a page is told is no older than what it has.
+            self._send(glimpse)
         rows = folder.rows.copy()
         ordered = tuple(rows[index] for index in sorted(rows))
         summary = summarise(self._task, ordered, folder.said["worlds"]["kind"])

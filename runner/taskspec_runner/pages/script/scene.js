@@ -83,6 +83,7 @@ function played(figure, scene, lib) {
     if (![...speed.options].some((o) => Number(o.value) === fast)) speed.add(new Option(`${fast} ×`, fast));
     speed.value = fast;
     open(Number(asked.get("from") ?? whole[0]), Number(asked.get("to") ?? whole[1]));
+    point(view[0]);
     run_(true);
   }
 }

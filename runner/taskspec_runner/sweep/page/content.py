@@ -80,7 +80,7 @@ def render(result: SweepResult, said: Json, so_far: Markup | None = None) -> str
             task.name,
             task.about or "",
             so_far,
-            *_verdicts(result),
+            *_verdicts(result, " so far" if so_far else ""),
             _ends(result),
         ),
         _expectations(result),
