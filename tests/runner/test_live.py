@@ -347,7 +347,7 @@ def test_the_page_of_a_run_moves(browser: Browser, tmp_path: Path) -> None:
             seen.append(
                 browser.run(
                     """[parseFloat(document.getElementById("time").textContent),
-                    document.querySelector("[data-chart=force] .trace.line")?.getAttribute("d"),
+                    document.querySelector("[data-chart=force] .plot .trace.line")?.getAttribute("d"),
                     document.querySelector(".view").dataset.tip,
                     document.getElementById("verdict").textContent]"""
                 )
@@ -408,16 +408,16 @@ def test_the_page_of_a_sweep_fills(tmp_path: Path) -> None:
 def test_a_recorded_run_is_replayed_in_a_page(browser: Browser, tmp_path: Path) -> None:
     program = compile_task(load_text(TAP, "tap.yaml"))
     execute_program(program, tmp_path / "run", report=False)
-    command = [*COMMAND, "replay", str(tmp_path / "run"), "--web", "--speed", "0.1"]
+    command = [*COMMAND, "replay", str(tmp_path / "run"), "--web", "--speed", "0.02"]
     with started(command, tmp_path) as process:
         assert process.stderr is not None
         url = process.stderr.readline().strip()
-        assert url.endswith("/#play=0.1")
+        assert url.endswith("/#play=0.02")
         browser.size(*DESKTOP)
         browser.visit(url)
         seen = []
         end = time.monotonic() + 20
-        while len(set(seen)) < 4:
+        while len(set(seen)) < 3:
             seen.append(browser.run("document.querySelector('.arm .clock').textContent"))
             assert time.monotonic() < end, seen
         assert browser.errors == []

@@ -52,11 +52,11 @@ def pictured(run: Run) -> Pictured | None:
 def arm_figure(shown: Pictured, *, live: bool) -> Markup:
     """The figure of the arm, with the data of its scene if the page has a script for it."""
     title = element("h3", "The arm", element("small", f" at {shown.clock:.2f} s", class_="clock"))
-    legend = {"force": "force", "motion": "motion", "free": "free"}
-    axes = Markup(", ").join(element("b", text, class_=look) for look, text in legend.items())
+    look = {"force": "force", "motion": "motion", "free": "free"}
+    axes = Markup(", ").join(element("b", text, class_=name) for name, text in look.items())
     text = joined(
-        element("b", "Arrow", class_="applied"), ": force applied. Axes: ", axes, ". ",
-        element("b", "Pale", class_="wanted"), ": reference; dark: tool path.",
+        element("b", "Arrow", class_="applied"), ": applied force. Axes: ", axes, ". Lines: ",
+        element("b", "reference", class_="wanted"), ", ", element("b", "tool path"), ".",
     )  # fmt: skip
     picture = Markup("")
     if shown.still:

@@ -51,6 +51,7 @@ function floor() {
   const ground = new Group(), lines = new GridHelper(FLOOR, TILES);
   lines.rotateX(Math.PI / 2);
   lines.name = "floor";
+  lines.material.vertexColors = false;
   const shade = new Mesh(new PlaneGeometry(FLOOR, FLOOR), new ShadowMaterial({ opacity: SHADE, depthWrite: false }));
   shade.receiveShadow = true;
   ground.add(lines, shade);

@@ -18,7 +18,7 @@ const SHAFT = upright(new CylinderGeometry(1, 1, 1, 20), 0.5), HEAD = upright(ne
 function shining(make, kind, options) {
   const both = [[LessEqualDepth, 1], [GreaterDepth, SHINE]].map(([depthFunc, opacity]) =>
     make(new kind({ ...options, depthFunc, opacity, transparent: opacity < 1, depthWrite: opacity === 1 })));
-  both[1].renderOrder = 2;
+  both[1].renderOrder = 3;
   return both;
 }
 
@@ -51,9 +51,10 @@ export class Arrow {
 
 /** A path of points that may grow, of which the first so many are drawn. */
 export class Path {
-  constructor(width) {
+  /** Of a width [px], above paths of a lower rank. */
+  constructor(width, rank) {
     this.group = new Group();
-    this.width = width;
+    Object.assign(this, { width, rank });
     this.points = [];
     this.ends = [0];
     this.lines = [];
@@ -75,9 +76,12 @@ export class Path {
     if (!pieces.length) return;
     const geometry = new LineSegmentsGeometry().setPositions(pieces);
     this.lines = shining((m) => new LineSegments2(geometry, m), LineMaterial, {
-      color, linewidth: this.width, polygonOffset: true, polygonOffsetFactor: -4, polygonOffsetUnits: -8,
+      color, linewidth: this.width, polygonOffset: true, polygonOffsetFactor: -4 * this.rank, polygonOffsetUnits: -8 * this.rank,
     });
-    for (const line of this.lines) line.frustumCulled = false;
+    for (const line of this.lines) {
+      line.frustumCulled = false;
+      line.renderOrder = this.rank;
+    }
     this.group.add(...this.lines);
   }
 

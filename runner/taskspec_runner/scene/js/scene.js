@@ -13,14 +13,13 @@ export { track } from "./track.js";
 /** Of arrows: length of a frame's axes, radii, the longest for a force, all [m]; below this force [N] none is drawn. */
 const AXIS = 0.085, AXIS_RADIUS = 0.0035, FORCE_RADIUS = 0.0075, LONGEST = 0.24, LEAST = 0.2;
 /** Of paths [px]. */
-const ACTUAL = 2.5, WANTED = 3.5;
+const ACTUAL = 2, WANTED = 4.5;
 /** Share of the picture that what is shown fills; distance when the tool is followed [m]; a step of a key [rad]. */
 const FILL = 0.92, NEAR = 0.6, STEP = 0.12;
 const NAMES = ["x", "y", "z"];
-/** Colours of marks by what they are, as the style sheet of the page may set them: `--scene-force` and so on. */
+/** Colours of marks by what they are, where the style sheet of the page does not say: `--force` and so on. */
 const COLORS = {
-  force: "#db2626", motion: "#2f6bf0", free: "#8c949e", applied: "#f5a30a", wanted: "#73b3fa", actual: "#1a2133", floor: "#c3cad3",
-  ground: "#ffffff",
+  force: "#db2626", motion: "#2f6bf0", free: "#7b8794", applied: "#b97a00", wanted: "#3f97e8", ink: "#161b22", line: "#e1e5ea", card: "#ffffff",
 };
 
 /** Whether this browser can draw it. */
@@ -61,7 +60,7 @@ export function create(element, scene) {
   const world = new Scene(), camera = new PerspectiveCamera(scene.view.fovy, 1, 0.01, 60);
   camera.up.set(0, 0, 1);
   lit(world, scene.view);
-  const arm = new Arm(world, scene), paths = { wanted: new Path(WANTED), actual: new Path(ACTUAL) };
+  const arm = new Arm(world, scene), paths = { wanted: new Path(WANTED, 1), actual: new Path(ACTUAL, 2) };
   const axes = NAMES.map(() => new Arrow(AXIS_RADIUS)), force = new Arrow(FORCE_RADIUS);
   world.add(...[...axes, force, ...Object.values(paths)].map((each) => each.group));
 
@@ -144,12 +143,12 @@ export function create(element, scene) {
 
   function dress() {
     const style = getComputedStyle(element);
-    colors = Object.fromEntries(Object.entries(COLORS).map(([name, usual]) => [name, style.getPropertyValue(`--scene-${name}`).trim() || usual]));
+    colors = Object.fromEntries(Object.entries(COLORS).map(([name, usual]) => [name, style.getPropertyValue(`--${name}`).trim() || usual]));
     const lines = world.getObjectByName("floor");
-    if (lines) lines.material.vertexColors = false, lines.material.color.set(colors.floor), lines.material.needsUpdate = true;
-    world.fog = new Fog(new Color(colors.ground), 1.5, 6);
+    lines?.material.color.set(colors.line);
+    world.fog = new Fog(new Color(colors.card), 1.5, 6);
     paths.wanted.color(colors.wanted);
-    paths.actual.color(colors.actual);
+    paths.actual.color(colors.ink);
     if (state) marked();
     soon();
   }
@@ -181,7 +180,7 @@ export function create(element, scene) {
     },
     path(name, flat) {
       paths[name].set(flat);
-      paths[name].color(colors[name]);
+      paths[name].color(name === "actual" ? colors.ink : colors.wanted);
       if (name === "actual" && state) paths.actual.until(state.row ?? Infinity);
       soon();
     },
