@@ -347,7 +347,7 @@ def test_the_page_of_a_run_moves(browser: Browser, tmp_path: Path) -> None:
             seen.append(
                 browser.run(
                     """[parseFloat(document.getElementById("time").textContent),
-                    document.querySelector("[data-chart=force] .plot .trace.line")?.getAttribute("d"),
+                    document.querySelector(".plot .trace.line")?.getAttribute("d"),
                     document.querySelector(".view").dataset.tip,
                     document.getElementById("verdict").textContent]"""
                 )

@@ -24,11 +24,11 @@ from taskspec_runner.record.manifest import seal
 from taskspec_runner.record.names import JOURNAL, LOG, SWEEP, TABLE, TASK
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
-from taskspec_runner.sweep.progress import describe
 from taskspec_runner.sweep.bundle import Bundle, program_of
 from taskspec_runner.sweep.engine import Work, run_work
 from taskspec_runner.sweep.executors import Workers
 from taskspec_runner.sweep.folder import PAGE, SweepFolder
+from taskspec_runner.sweep.progress import describe
 from taskspec_runner.sweep.session import sweep
 from taskspec_runner.sweep.table import read_table
 from taskspec_runner.sweep.world_run import run_world

@@ -183,20 +183,22 @@ def so_far(judged: Sequence[Judged], stage: str) -> Mapping[str, Any]:
         stage: the current one.
     """
     met = sum(each.passed is True for each in judged)
+    # Of a share, a mean or a last value this may still change: it is no verdict.
     missed = sum(each.broken is not None for each in judged)
-    kind, word = ("missed", "Missed so far") if missed else ("done", "Running")
     text = f"In stage {stage}."
     if judged:
-        text += f" So far {met} of {len(judged)} expectations are met"
+        parts = [f"{met} of {len(judged)} expectations are met"]
         rest = len(judged) - met - missed
-        text += f", {rest} cannot be judged yet." if rest else "."
-    box = outcome(kind, word, element("p", text))
+        parts += [f"{missed} missed"] if missed else []
+        parts += [f"{rest} cannot be judged yet"] if rest else []
+        text += f" So far {', '.join(parts)}."
+    box = outcome("undecided" if missed else "done", "Running", element("p", text))
     return {"box": box, "expectations": _expectations(judged, pale=True), "over": False}
 
 
 def judging() -> Mapping[str, Any]:
     """What a page shows of a run whose last tick has been."""
-    text = "It has come to its end, and is judged now; its report follows."
+    text = "The last tick has been. The run is judged now, and its report follows."
     return {"box": outcome("done", "Judging", element("p", text)), "over": False}
 
 
