@@ -144,7 +144,7 @@ def _first(
         text = "The log holds no complete batch of ticks, so there is nothing to draw."
         seen = section("", arm_figure(arm, live=False)) if arm else None
         return tuple(each for each in (element("section", note(text)), seen) if each)
-    place = [figure(main)] if arm is None else [arm_figure(arm, live=True), figure(main)]
+    place = [figure(main)] if arm is None else [arm_figure(arm), figure(main)]
     front = section("", joined(*place), look="charts main front" if arm else "charts main")
     return bar(time.stages(), "Whole run"), patience(Markup(overview_svg(run, parts=parts))), front
 

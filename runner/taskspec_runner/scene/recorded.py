@@ -39,7 +39,7 @@ def recorded_scene(world: RecordedWorld) -> Json:
         **scene,
         "scale": arrow_scale(recording),
         "visits": _visits(recording),
-        "track": _track(world, _rows(recording)),
+        "track": track(world),
     }
 
 
@@ -51,8 +51,10 @@ def _rows(recording: Recording) -> NDArray[np.int64]:
     return np.unique(np.searchsorted(clock, wanted - recording.period / 2)).astype(np.int64)
 
 
-def _track(world: RecordedWorld, rows: NDArray[np.int64]) -> Json:
+def track(world: RecordedWorld) -> Json:
+    """The rows of a run, as `recorded_scene` has them."""
     recording = world.recording
+    rows = _rows(recording)
     values = np.column_stack(
         [
             [positions(world.show(int(row))) for row in rows],

@@ -6,18 +6,24 @@ async function unpacked(id) {
   return new Response(new Blob([small]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
 }
 
-/** Shows a scene in its figure: moved by the cursor of the charts, by a slider, and played. */
+/** Shows a scene in its figure: moved by the cursor of the page, by a slider, and played. Times are of the page [s]. */
 function played(figure, scene, lib) {
   const find = (name) => figure.querySelector(name), stage = find(".view"), player = find(".player");
   const [play, seek, speed, follow, reset, said] = [".play", ".seek", ".speed", ".follow", ".reset", ".clock"].map(find);
   const rows = lib.track(scene), arm = lib.create(stage, scene);
-  let now = scene.clock, last = null;
+  const { begin, other } = scene, whole = cursor.whole ?? [begin + rows.start, begin + rows.end], shown = cursor.window ?? (() => whole);
+  const second = other && {
+    rows: lib.track({ ...scene, track: other.track }),
+    arm: arm.ghost({ scene, color: getComputedStyle(figure).getPropertyValue(`--${other.role}`).trim() }),
+  };
+  let now = begin + scene.clock, last = null;
   arm.path("wanted", rows.paths.wanted);
   arm.path("actual", rows.paths.actual);
 
   function showAt(time) {
     now = time;
-    arm.show(rows.at(time));
+    arm.show(rows.at(time - begin));
+    second?.arm.show(second.rows.at(time - other.begin).q);
     seek.value = time;
     seek.setAttribute("aria-valuetext", `${time.toFixed(2)} s`);
     said.textContent = ` at ${time.toFixed(2)} s`;
@@ -29,7 +35,8 @@ function played(figure, scene, lib) {
     play.textContent = on ? "Pause" : "Play";
     if (!on) return;
     // What the charts show is played, from its beginning if the cursor is not within it.
-    if (now < view[0] || now >= view[1] - 1e-6) now = view[0];
+    const [from, to] = shown();
+    if (now < from || now >= to - 1e-6) now = from;
     requestAnimationFrame(step);
   }
 
@@ -39,16 +46,16 @@ function played(figure, scene, lib) {
     if (!running()) return;
     const passed = last === null ? 0 : (stamp - last) / 1000;
     last = stamp;
-    const next = Math.min(now + passed * Number(speed.value), view[1]);
-    point(next);
-    if (next >= view[1]) run_(false);
+    const end = shown()[1], next = Math.min(now + passed * Number(speed.value), end);
+    cursor.point(next);
+    if (next >= end) run_(false);
     else requestAnimationFrame(step);
   }
 
-  followers.push((time) => { if (time !== null) showAt(time); });
+  cursor.follow(showAt);
   seek.min = whole[0];
   seek.max = whole[1];
-  seek.addEventListener("input", () => point(Number(seek.value)));
+  seek.addEventListener("input", () => cursor.point(Number(seek.value)));
   play.addEventListener("click", () => run_(!running()));
   const toggle = () => {
     const on = follow.getAttribute("aria-pressed") !== "true";
@@ -59,7 +66,7 @@ function played(figure, scene, lib) {
   follow.addEventListener("click", toggle);
   reset.addEventListener("click", home);
 
-  const away = (way) => point(Math.min(Math.max(now + (way * (view[1] - view[0])) / 200, whole[0]), whole[1]));
+  const away = (way) => cursor.point(Math.min(Math.max(now + (way * (shown()[1] - shown()[0])) / 200, whole[0]), whole[1]));
   const KEYS = {
     " ": () => run_(!running()), f: toggle, 0: home, Home: home, ArrowLeft: () => away(-1), ArrowRight: () => away(1),
     ArrowUp: () => arm.turn(0, 1), ArrowDown: () => arm.turn(0, -1), "+": () => arm.zoom(0.8), "=": () => arm.zoom(0.8), "-": () => arm.zoom(1.25),
@@ -90,8 +97,12 @@ function played(figure, scene, lib) {
 
 const armFigure = document.querySelector(".arm");
 if (armFigure && document.getElementById("scene-data")) {
+  const bare = armFigure.hidden;
   Promise.all([unpacked("scene-data"), unpacked("scene-code")])
-    .then(([data, code]) => played(armFigure, JSON.parse(data), new Function(`${code};return taskspecScene;`)()))
-    // The picture stays.
-    .catch(() => armFigure.classList.add("without"));
+    .then(([data, code]) => {
+      armFigure.hidden = false;
+      played(armFigure, JSON.parse(data), new Function(`${code};return taskspecScene;`)());
+    })
+    // Without WebGL the picture stays, if there is one.
+    .catch((error) => { armFigure.hidden = bare; armFigure.dataset.without = error.message; });
 }

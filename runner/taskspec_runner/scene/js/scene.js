@@ -22,15 +22,6 @@ const COLORS = {
   force: "#db2626", motion: "#2f6bf0", free: "#7b8794", applied: "#b97a00", wanted: "#3f97e8", ink: "#161b22", line: "#e1e5ea", card: "#ffffff",
 };
 
-/** Whether this browser can draw it. */
-export function able() {
-  try {
-    return Boolean(document.createElement("canvas").getContext("webgl2"));
-  } catch {
-    return false;
-  }
-}
-
 /**
  * Draws a scene in an element, which keeps its size; throws where there is no WebGL.
  *
@@ -50,10 +41,11 @@ export function able() {
  *   `zoom(factor)`; `project([x, y, z])`: where a place is in the element [CSS px]; `dispose()`.
  */
 export function create(element, scene) {
-  const renderer = new WebGLRenderer({ antialias: true, alpha: true });
+  const canvas = document.createElement("canvas"), context = canvas.getContext("webgl2", { antialias: true, alpha: true });
+  if (!context) throw new Error("this browser has no WebGL");
+  const renderer = new WebGLRenderer({ canvas, context, alpha: true });
   renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
   renderer.shadowMap.enabled = true;
-  const canvas = renderer.domElement;
   const labels = Object.fromEntries(["applied", ...NAMES].map((name) => [name, label(element)]));
   element.prepend(canvas);
 

@@ -32,6 +32,9 @@ from taskspec_runner.pages.document import (
 )
 from taskspec_runner.pages.html import code, element, expression, joined, prose
 from taskspec_runner.record.names import TASK
+from taskspec_runner.runs import Run
+from taskspec_runner.scene.page import arm_figure, pictured
+from taskspec_runner.sweep.kept import folder_of
 from taskspec_runner.sweep.page.columns import PEAKS, WorldColumn, columns, world_data
 from taskspec_runner.sweep.page.commands import command_stem, kept_reports
 from taskspec_runner.sweep.result import SweepResult
@@ -40,9 +43,11 @@ from taskspec_runner.sweep.summary import (
     MET,
     MISSED,
     drawn_text,
+    end_of,
     interval_text,
     rate_text,
     so_far_text,
+    worst_world,
     worst_worlds,
 )
 from taskspec_runner.sweep.world_run import Row
@@ -85,15 +90,34 @@ def render(result: SweepResult, said: Json, so_far: Markup | None = None) -> str
         ),
         _expectations(result),
         _failures(result, found),
+        _worst(result),
         _influences(influences),
         patience(),
         *_charts(found, influences),
         _worlds(result, found),
         task_file((result.path / TASK).read_text(encoding="utf-8")),
         data=_data(result, said, found),
-        scripts=("worlds", "worlds_charts", "worlds_table", *(["filling"] if so_far else [])),
+        scripts=(
+            "worlds",
+            "worlds_charts",
+            "worlds_table",
+            "alone",
+            "scene",
+            *(["filling"] if so_far else []),
+        ),
         facts=facts,
     )
+
+
+def _worst(result: SweepResult) -> Markup:
+    """The arm in the worst world, where its run is kept."""
+    row = worst_world(result.rows)
+    path = folder_of(result.path, row["world"]) if row else None
+    shown = pictured(Run(path)) if path is not None and path.is_dir() else None
+    if row is None or shown is None:
+        return Markup("")
+    how = end_of(row)
+    return section("Worst world", arm_figure(shown, title=f"World {row['world']}, {how}"))
 
 
 def _span(
