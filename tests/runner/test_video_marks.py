@@ -292,7 +292,7 @@ def test_without_a_screen_it_is_said_what_to_do(
     result = CliRunner().invoke(app, ["replay", str(tmp_path / "run"), "--view"])
     assert result.exit_code == 2
     assert "cannot open a window: there is no screen" in result.stderr
-    assert "--video out.mp4 needs none" in result.stderr
+    assert "taskspec replay RUN --web serves a page" in result.stderr
 
 
 def test_a_mac_needs_its_own_launcher(tapped: Recording, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -220,7 +220,7 @@ class Plot extends Chart {
   /** Puts the cursor at a time, and the set ones at theirs; null takes one away. */
   point(time, pins) {
     [time, ...pins].forEach((at, i) => {
-      const inside = at !== null && at >= view[0] && at <= view[1];
+      const inside = this.inner && at !== null && at >= view[0] && at <= view[1];
       this.cursors[i].style.display = inside ? "block" : "none";
       if (inside) this.cursors[i].style.left = `${this.column(at)}px`;
     });

@@ -84,6 +84,15 @@ function played(figure, scene, lib) {
   player.hidden = false;
   figure.classList.add("live");
   showAt(now);
+  // An address with `#play=2&from=1.5` has it play at once, twice as fast, from 1.5 s on.
+  const asked = new URLSearchParams(location.hash.slice(1)), fast = Number(asked.get("play"));
+  if (fast > 0) {
+    if (![...speed.options].some((o) => Number(o.value) === fast)) speed.add(new Option(`${fast} ×`, fast));
+    speed.value = fast;
+    open(Number(asked.get("from") ?? whole[0]), Number(asked.get("to") ?? whole[1]));
+    point(view[0]);
+    run_(true);
+  }
 }
 
 const armFigure = document.querySelector(".arm");

@@ -65,12 +65,13 @@ _CHANCE = 0.01
 _CHOSEN = "these worlds were chosen and not drawn, so that they tell of no probability"
 
 
-def render(result: SweepResult, said: Json) -> str:
+def render(result: SweepResult, said: Json, so_far: Markup | None = None) -> str:
     """The page of a sweep.
 
     Args:
         result: what came of it.
         said: what `sweep.json` says of it.
+        so_far: how far it is, of one that goes on: the page then has itself loaded again.
     """
     task, rows = result.task, result.rows
     influences = [Influence(**each) for each in result.summary["influences"]]
@@ -82,7 +83,14 @@ def render(result: SweepResult, said: Json) -> str:
         facts = joined(facts, element("p", text), everywhere)
     return document(
         f"{task.name}: sweep",
-        head("taskspec sweep", task.name, task.about or "", *_verdicts(result), _ends(result)),
+        head(
+            "taskspec sweep",
+            task.name,
+            task.about or "",
+            so_far,
+            *_verdicts(result, " so far" if so_far else ""),
+            _ends(result),
+        ),
         _expectations(result),
         _failures(result, found),
         _worst(result),
@@ -92,7 +100,14 @@ def render(result: SweepResult, said: Json) -> str:
         _worlds(result, found),
         task_file((result.path / TASK).read_text(encoding="utf-8")),
         data=_data(result, said, found),
-        scripts=("worlds", "worlds_charts", "worlds_table", "alone", "scene"),
+        scripts=(
+            "worlds",
+            "worlds_charts",
+            "worlds_table",
+            "alone",
+            "scene",
+            *(["filling"] if so_far else []),
+        ),
         facts=facts,
     )
 
@@ -131,8 +146,8 @@ def _margin(margin: float, world: int, title: str | None = None) -> Markup:
     return joined(prose(f"{number(100 * margin, 3)} %"), " ", _world(world, title))
 
 
-def _verdicts(result: SweepResult) -> Iterator[Markup]:
-    """What the file expects of the sweep, else how many worlds succeed."""
+def _verdicts(result: SweepResult, until: str) -> Iterator[Markup]:
+    """What the file expects of the sweep, else how many worlds succeed; `until` as a word."""
     for each in result.summary["judged"]:
         kind = _KINDS.get(each["verdict"], "undecided")
         more = [rate_text(each)]
@@ -143,7 +158,7 @@ def _verdicts(result: SweepResult) -> Iterator[Markup]:
         line = _span(each["interval"], each["share"], each["least"])
         yield outcome(
             kind,
-            sign(kind) + each["verdict"],
+            sign(kind) + each["verdict"] + until,
             element("p", expression(each["text"]), " ", line),
             element("p", "; ".join(more), class_="rest"),
         )
