@@ -20,7 +20,7 @@ from taskspec_runner.plant.shapes import visible_name
 from taskspec_runner.preview.rays import RayCamera, RayPicture
 from taskspec_runner.preview.sheets import DrawingSheet, PixelSheet, SvgSheet
 from taskspec_runner.preview.stages import PicturedStage, pictured, triad
-from taskspec_runner.video.camera import View, axes_of, fit
+from taskspec_runner.video.camera import Framing, View, axes_of
 from taskspec_runner.video.equations import equation_surfaces
 from taskspec_runner.video.labels import Labels, Rectangle, width_of
 from taskspec_runner.video.lettering import Color, rgb
@@ -199,7 +199,7 @@ class TaskPicture:
         else:
             points += [self._data.xpos[self._arm] + _LINK * each for each in offsets]
             points += list(self._small_objects())
-        return fit(self._model, np.vstack(points), self._angles, aspect)
+        return Framing.of(np.vstack(points), self._angles).view(self._model, aspect)
 
     def objects(self) -> Iterator[tuple[str, int]]:
         """Names of the objects, and the geom that is drawn of each."""
