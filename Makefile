@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
-.PHONY: docs docs-shown docs-site vscode docs-serve steps foreign native designs equivalence truth tsid referee check
+.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native designs equivalence truth tsid referee check
 .PHONY: clean bounds
 
 demo: $(READY)  ## run the wiping task and say where its report is
@@ -110,6 +110,9 @@ bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a chan
 	$(BIN)/python benchmarks/bench_validate.py
 	$(BIN)/python benchmarks/bench_exact.py
 
+scene:  ## the script of the scene in pages, from runner/taskspec_runner/scene/js; needs npm
+	cd runner/taskspec_runner/scene/js && npm ci --no-audit --no-fund && npm run build
+
 vscode:  ## the extension for VS Code, as editors/vscode/taskspec-VERSION.vsix; needs npm
 	cd editors/vscode && npm install --no-audit --no-fund && npx vsce package
 
@@ -122,11 +125,15 @@ docs-shown: $(READY)  ## draw the pictures again, write again what files and com
 	$(BIN)/python tests/docs/shown_pages.py
 	$(BIN)/python tests/docs/signal_tables.py
 
-docs-site: $(READY)  ## build the site; a link that leads nowhere is an error
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+docs-pages: $(READY)  ## write the sources of the site into build/pages: pages as a site has them, and those that are made
+	$(BIN)/python docs/building/pages.py build
 
-docs-serve: $(READY)  ## show the site on http://127.0.0.1:8000 while one writes
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs serve
+docs-site: docs-pages  ## build the site; a link that leads nowhere is an error
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet -f build/mkdocs.yml
+
+docs-serve: docs-pages  ## show the site on http://127.0.0.1:8000 while one writes
+	$(BIN)/python docs/building/pages.py build --watch & trap "kill $$!" EXIT; \
+		NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs serve -f build/mkdocs.yml
 
 check: lint types schema validate test
 

@@ -2,45 +2,57 @@
 
     python benchmarks/bench_editor.py
 
-Reading a text finds what is wrong with its words, names and units; examining it asks all rules.
-Both are done twice and counted the second time, as an editor has a file open.
+With each change a text is taken and read: what is wrong with its words, names and units. Examining
+it asks all rules, without those on stability first. Everything is done twice and counted the second
+time, as an editor has a file open: wall time, and time of the processor, which says what an idle
+machine would take.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from taskspec_runner.editor.completion import proposals
 from taskspec_runner.editor.opened import OpenedFile
+from taskspec_runner.editor.places import hover
 
 TASKS = sorted((Path(__file__).resolve().parents[1] / "tasks").glob("*.yaml"))
 
 
-def seconds(work: Callable[[], object]) -> float:
-    """Wall time of one call, after another one [s]."""
+def seconds(work: Callable[[], object]) -> tuple[float, float]:
+    """Wall time and processor time of one call, after another one [s]."""
     work()
-    before = time.perf_counter()
+    before = time.perf_counter(), time.process_time()
     work()
-    return time.perf_counter() - before
+    return time.perf_counter() - before[0], time.process_time() - before[1]
 
 
 def main() -> None:
     """Prints the quantiles."""
-    rows: dict[str, list[float]] = {"read": [], "all rules": [], "complete": []}
+    rows: dict[str, list[tuple[float, float]]] = {}
     for path in TASKS:
-        opened = OpenedFile(path, path.read_text(encoding="utf-8"))
-        middle = len(opened.source.text) // 2
-        rows["read"].append(seconds(opened.read))
-        rows["all rules"].append(seconds(opened.examined))
-        rows["complete"].append(seconds(lambda at=middle, of=opened: proposals(of, at)))
-    print(f"{len(TASKS)} tasks      median     90 %  largest [ms]")
+        text = path.read_text(encoding="utf-8")
+        opened = OpenedFile(path, text)
+        middle = len(text) // 2
+        works = {
+            "take a change": partial(opened.change, text),
+            "text, names, units": opened.read,
+            "all rules but stability": partial(opened.examined, stability=False),
+            "all rules": opened.examined,
+            "complete": partial(proposals, opened, middle),
+            "hover": partial(hover, opened, middle),
+        }
+        for name, work in works.items():
+            rows.setdefault(name, []).append(seconds(work))
+    print(f"{len(TASKS)} tasks [ms]             wall: median   90 %   CPU: median   90 %  largest")
     for name, found in rows.items():
-        cuts = 1e3 * np.quantile(found, [0.5, 0.9, 1.0])
-        print(f"{name:12} {cuts[0]:9.1f} {cuts[1]:8.1f} {cuts[2]:8.1f}")
+        wall, cpu = (1e3 * np.quantile(each, [0.5, 0.9, 1.0]) for each in np.transpose(found))
+        print(f"{name:24}{wall[0]:13.1f}{wall[1]:7.1f}{cpu[0]:14.1f}{cpu[1]:7.1f}{cpu[2]:9.1f}")
 
 
 if __name__ == "__main__":

@@ -228,7 +228,7 @@ def _panel(task: str, rows: list[Result], y0: int) -> Iterator[str]:
 
 
 _PREFACE = f"""\
-# The referee
+# Laws of other packages
 
 Control laws that others have published drive tasks of this project, beside its own. `make referee`
 makes this page and its picture.

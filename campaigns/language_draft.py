@@ -1,6 +1,6 @@
 """The draft of one task file: sections of plain values, drawn, altered and written.
 
-It knows the language by docs/language.md alone: keys, units and words.
+It knows the language by docs/language alone: keys, units and words.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Scenes of task files as different users would write them, by docs/language.md alone."""
+"""Scenes of task files as different users would write them, by docs/language alone."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The second generator of `make truth`: task files as different users would write them.
 
-It is written from docs/language.md and the pages that it links, and reads nothing of the rules, so
+It is written from docs/language and the pages that it links, and reads nothing of the rules, so
 that no constant of theirs is fitted to it. A file is a scene, the habits of who wrote it and, in a
 third of them, one typical mistake. The same seed and number give the same file.
 

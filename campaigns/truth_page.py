@@ -15,14 +15,15 @@ if TYPE_CHECKING:
 MOST_OF_A_MESSAGE = 160
 
 PREFACE = """\
-# What is said and what is done
+# Predictions and outcomes
 
 `taskspec validate` says of a file what its run will do. This page holds what it says against runs
 of random files. `make truth` makes it.
 
 **The files** come from two generators. [`workshop`](#workshop) has grown with the rules: what its
-files showed was put right. [`language`](#language) is written from [the language](language.md)
-alone and reads nothing of the rules, so that none of them was fitted to its files. A file is its
+files showed was put right. [`language`](#language) is written from
+[the language](language/README.md) alone and reads nothing of the rules, so that none of them was
+fitted to its files. A file is its
 seed and its number: `python campaigns/truth_tasks.py SEED NUMBER` and
 `python campaigns/language_tasks.py SEED NUMBER` print it.
 
@@ -39,7 +40,7 @@ is on the boundary of stability.
 announces which is in `campaigns/announcements.yaml`.
 
 **The trial.** `validate` runs each file that no error refuses once, as `run` does: see
-[the language](language.md#the-trial). A refused file counts as announced by its errors.
+[the language](language/trial.md). A refused file counts as announced by its errors.
 
 **Disagreements.** Of a bad run that was not announced a table has why, where it was traced, else
 how it ended; of a good run that was warned of, each warning, and what the run did of it, measured

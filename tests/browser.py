@@ -105,9 +105,13 @@ class Browser:
 
     def open(self, page: Path) -> None:
         """Opens a file and waits until it has loaded; forgets errors of the page before."""
+        self.visit(page.resolve().as_uri())
+
+    def visit(self, url: str) -> None:
+        """The same with an address."""
         self.errors.clear()
         self._loaded = False
-        self.command("Page.navigate", url=page.resolve().as_uri())
+        self.command("Page.navigate", url=url)
         end = time.monotonic() + _PATIENCE
         while not self._loaded:
             self._take(end)

@@ -1,4 +1,4 @@
-"""Makes the pictures of pages as a browser shows them: reports, a comparison and a sweep.
+"""Makes the pictures of pages as a browser shows them: reports, a run, a comparison, a sweep.
 
     python docs/images/screens.py
 
@@ -13,12 +13,16 @@ import io
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
+from threading import Thread
 
 from PIL import Image
 
 from taskspec.compiler import compile_task
+from taskspec.program.worlds import true_world
 from taskspec.spec import load_task
+from taskspec_runner.live.watched_run import WatchedRun
 from taskspec_runner.session import execute_program
 
 HERE = Path(__file__).resolve().parent
@@ -34,6 +38,8 @@ COMPARED = "wipe-2"
 LAWS = ("hybrid", "parallel", "impedance", "pd")
 #: The task that is swept.
 SWEPT = HERE.parent / "how-to" / "sweep.yaml"
+#: Run time at which the page of a run that goes on is taken [s].
+WATCHED = 4
 #: Width and height [CSS px], and pixels of the picture for each of them.
 SIZES = {"desktop": (1100, 940, 1.2), "phone": (390, 844, 1.5)}
 
@@ -53,6 +59,7 @@ def main() -> None:
                 shoot(browser, page, f"{name}-{size}.png", size)
         shoot(browser, compared(Path(folder) / "compare"), "compare-desktop.png", "desktop")
         shoot(browser, swept(Path(folder) / "sweep"), "sweep-desktop.png", "desktop")
+        watch(browser, Path(folder) / "watch")
 
 
 def compared(out: Path) -> Path:
@@ -76,13 +83,38 @@ def command(*words: str) -> None:
         sys.exit(done.stderr.decode())
 
 
+def watch(browser: Browser, out: Path) -> None:
+    """A picture of the page of a run that goes on, some seconds after its start."""
+    program = compile_task(load_task(TUTORIAL / f"{COMPARED}.yaml"))
+    with WatchedRun(program, true_world(program.context)) as page:
+        place(browser, page.server.url, "desktop")
+        running = Thread(target=execute_program, args=(program, out), kwargs={"spectator": page})
+        running.start()
+        while not browser.run(
+            f"parseFloat(document.getElementById('time').textContent) > {WATCHED}"
+        ):
+            time.sleep(0.05)
+        save(browser, "watch-desktop.png")
+        running.join()
+
+
 def shoot(browser: Browser, page: Path, name: str, size: str) -> None:
     """A picture of what is seen of a page without scrolling."""
+    place(browser, page.resolve().as_uri(), size)
+    save(browser, name)
+
+
+def place(browser: Browser, url: str, size: str) -> None:
+    """Opens a page on a screen."""
     width, height, sharp = SIZES[size]
     browser.size(width, height, phone=size == "phone", sharp=sharp)
-    browser.open(page)
+    browser.visit(url)
+
+
+def save(browser: Browser, name: str) -> None:
+    """A picture of what is seen now."""
     if browser.errors:
-        sys.exit(f"{page}: {browser.errors}")
+        sys.exit(f"{name}: {browser.errors}")
     Image.open(io.BytesIO(browser.png())).convert("RGB").save(HERE / name, optimize=True)
 
 

@@ -1,4 +1,4 @@
-"""Which OpenGL the user wants, kept from MuJoCo until a picture is drawn.
+"""Whether there is a screen, and which OpenGL the user wants, kept until a picture is drawn.
 
 MuJoCo loads the library that MUJOCO_GL names, or GLFW, as soon as it is imported. That takes longer
 than many a check, and where the library is not there the import fails, though no picture may be
@@ -23,3 +23,9 @@ def set_aside() -> None:
 def wanted_library() -> str:
     """What the user has asked for; empty for nothing."""
     return os.environ.get(_OURS, os.environ.get(_THEIRS, "")).lower().strip()
+
+
+def has_screen() -> bool:
+    """Whether a window can be opened."""
+    named = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    return named or platform.system() != "Linux"

@@ -334,7 +334,7 @@ class Run(Window):
         columns = HistoryBuilder()
         try:
             for batch in self._written():
-                columns.add(batch)
+                columns.add(batch, lasting=True)
         except OSError:
             return History({}, np.array([], dtype=np.str_))
         return columns.build()

@@ -10,6 +10,7 @@ from pathlib import Path
 from taskspec.compiler import compile_task
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
+from taskspec.missing import require
 from taskspec.program.context import Context
 from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
@@ -23,11 +24,13 @@ from taskspec_runner.loop.driven import Driven, TickSink
 from taskspec_runner.loop.fixed_step import PYTHON, STOPPED, Outcome, loop_wanted
 from taskspec_runner.loop.fixed_step import run as simulate
 from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
-from taskspec_runner.loop.telemetry import Tap, Telemetry
+from taskspec_runner.loop.tap import Spectator, Tap, ticks_between
+from taskspec_runner.loop.telemetry import Telemetry
 from taskspec_runner.record import manifest
 from taskspec_runner.record.folder import RunFolder, open_folder
 from taskspec_runner.record.log import Log
 from taskspec_runner.record.names import TASK
+from taskspec_runner.record.recorder import Recorder
 from taskspec_runner.result import RunResult
 from taskspec_runner.verdict.judge import judge_run
 from taskspec_runner.verdict.performance import solver_counts
@@ -120,6 +123,7 @@ def execute_program(
     progress: Progress | None = None,
     report: bool = True,
     telemetry: Telemetry | None = None,
+    spectator: Spectator | None = None,
     loop: str | None = None,
     link: Link | None = None,
 ) -> RunResult:
@@ -133,6 +137,7 @@ def execute_program(
         progress: called now and then during the simulation.
         report: whether to render `report.html`.
         telemetry: gets the signals as the run goes on.
+        spectator: looks on as the run goes on; its log is the same.
         loop: `native` or `python`, which give the same; None for what `TASKSPEC_LOOP` names, else
             for machine code where there can be some.
         link: the robot that it runs on, or what serves its plant, for which Python runs all ticks;
@@ -141,17 +146,19 @@ def execute_program(
     Raises:
         InputError: there is no native loop, and no other is wanted; or what the link is to is not
             what the task is for.
+        MissingLibraryError: there is nothing that writes a log.
         OutputError: the folder cannot be written.
         RunCrashedError: an internal error; the log holds every tick up to it.
         KeyboardInterrupt: interrupted outside the simulation itself; `Terminated` unless by SIGINT.
     """
     wanted = loop_wanted(loop) if link is None else PYTHON
+    require("pyarrow", "the log of a run")
     with Termination():
         if link is not None and link.measured:
             # Nobody knows what is true of it.
             world = World(program.context.loaded.task)
         world = true_world(program.context) if world is None else world
-        manner = _Manner(world, progress, report, telemetry, wanted, link)
+        manner = _Manner(world, progress, report, telemetry, spectator, wanted, link)
         try:
             return _execute(program, out, manner)
         finally:
@@ -167,6 +174,7 @@ class _Manner:
     progress: Progress | None
     report: bool
     telemetry: Telemetry | None
+    spectator: Spectator | None
     loop: str | None
     link: Link | None = None
 
@@ -249,9 +257,7 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Sim
     )
     log = Log(folder.log, run=manifest.run_mark(folder.manifest))
     machine, recorder = parts.machine, parts.recorder(log)
-    rows: TickSink = recorder
-    if manner.telemetry is not None:
-        rows = Tap(recorder, manner.telemetry, context.period)
+    rows = _tapped(recorder, parts, folder.path, manner)
     # What MuJoCo warns of it also counts, which is a stop of its own.
     with contextlib.closing(recorder), listening([]), Interrupt() as interrupt:
         watch, by_signal = _watch(interrupt, manner.progress), 0
@@ -276,9 +282,25 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Sim
         finally:
             if link is not None:
                 link.finish(_last_words(machine))
+            if manner.spectator is not None:
+                manner.spectator.finish()
     faults = () if parts.faults is None else parts.faults.times()
     counts = solver_counts(machine)
     return Simulated(outcome, machine.transitions, counts, by_signal, faults), log
+
+
+def _tapped(recorder: Recorder, parts: Assembly[Driven], folder: Path, manner: _Manner) -> TickSink:
+    """The recorder, with those between it and the loop who look on."""
+    rows: Recorder | Tap = recorder
+    period, telemetry, spectator = parts.program.context.period, manner.telemetry, manner.spectator
+    if telemetry is not None:
+        every = ticks_between(telemetry.address.rate, period)
+        rows = Tap(rows, every, lambda: telemetry.send(recorder.latest()))
+    if spectator is not None:
+        spectator.begin(parts, recorder, folder)
+        every = ticks_between(spectator.rate, period)
+        rows = Tap(rows, every, spectator.look, lambda: spectator.looks)
+    return rows
 
 
 def _last_words(machine: Machine) -> str:

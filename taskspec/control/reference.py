@@ -39,6 +39,6 @@ def opposite(wrench: Wrench) -> Wrench:
     """The one change of sign between theory and file, of expressions and of arrays.
 
     The theory's f is what the environment exerts on the tool; task files, logs and guards speak of
-    what the robot applies to the environment (docs/language.md).
+    what the robot applies to the environment (docs/language/axes.md).
     """
     return -wrench

@@ -26,14 +26,13 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from taskspec.deferred_methods import dataclass
 
 Array = NDArray[np.float64]
 
-#: Values of rho, and of epsilon for each, from the best of which a search begins, and its steps.
-_TRIED, _STEPS = 10, 60
+#: Values of rho, and of epsilon for each, around the best of which the grid is halved some times.
+_TRIED, _HALVINGS = 10, 7
 #: rho is tried between these, in shares of the way from the least that (4.70) allows to the most.
 _RHO = (1e-2, 0.9)
 #: epsilon is tried between these, in shares of rho.
@@ -136,7 +135,11 @@ def regulator_bound(
     first = min((np.array(each) for each in tried), key=level)
     if not np.isfinite(level(first)):
         return None
-    best = minimize(level, first, method="Nelder-Mead", options={"maxfev": _STEPS}).x
+    best, step = first, np.log([_RHO[1] / _RHO[0], _SHARES[1] / _SHARES[0]]) / (_TRIED - 1)
+    for _ in range(_HALVINGS):
+        step = step / 2
+        around = (best + step * np.array(way) for way in itertools.product((0, -1, 1), repeat=2))
+        best = min(around, key=level)
     rho = least + (most - least) * float(np.exp(best[0]))
     return case((rho, rho * float(np.exp(best[1]))))
 

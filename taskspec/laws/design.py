@@ -1,4 +1,4 @@
-"""Designed gains: rules for what a file leaves out, shared by the laws (docs/language.md).
+"""Designed gains: rules for what a file leaves out, shared by the laws (docs/language/gains.md).
 
 A designed gain follows from the effective mass h of the axis, the nominal contact stiffness k and
 the control period T, so that a task file need not know any of them.
@@ -17,7 +17,8 @@ from taskspec.laws.gains import FORCE_MASS, AxisDesign, AxisPlant, Gain, LawGain
 
 SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
 _MOTION_BANDWIDTH = 5.0
-_SPRING_FREQUENCY = 2.0
+#: Of the springs and the inertia that they move [Hz].
+SPRING_FREQUENCY = 2.0
 #: Of springs; a force loop takes 1.
 SPRING_DAMPING_RATIO = 0.7
 #: A designed force loop answers at this frequency [Hz].
@@ -74,7 +75,7 @@ def springs(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
     stiffness = (
         axis.own_stiffness
         or axis.of_the_law("stiffness")
-        or Gain(h * (2 * math.pi * _SPRING_FREQUENCY) ** 2, "designed: h (2 pi 2 Hz)^2")
+        or Gain(h * (2 * math.pi * SPRING_FREQUENCY) ** 2, "designed: h (2 pi 2 Hz)^2")
     )
     damping = axis.own_damping or axis.of_the_law("damping")
     loop = axis.force and law.force_loop

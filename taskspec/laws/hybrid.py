@@ -131,7 +131,7 @@ def force_drive(
     velocity: ca.SX,
     gains: tuple[float, float, float],
 ) -> ca.SX:
-    """u = f_d + p (f_d - f) + i int (f_d - f) dt - d v of one force axis (docs/language.md).
+    """u = f_d + p (f_d - f) + i int (f_d - f) dt - d v of one force axis (docs/language/law.md).
 
     Forces are those that the robot applies [N, N m]; velocity is relative to the frame; gains are
     p [1], i [1/s], d [N s/m, N m s/rad].

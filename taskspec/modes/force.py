@@ -10,7 +10,7 @@ from taskspec.expression import Expression, ScopeKind
 from taskspec.modes.key import ModeKey
 from taskspec.text.units import FORCE, TIME, show
 
-#: A force set point rises from the measured force in this time [s] (docs/language.md).
+#: A force set point rises from the measured force in this time [s] (docs/language/axes.md).
 DEFAULT_RAMP = 0.2
 
 

@@ -33,7 +33,7 @@ Displacement = Callable[[float], float]
 #: What an expression is worth before a run, at given clocks; None where it is unknown.
 Known = Callable[[Expression, Mapping[str, float] | None], float | None]
 
-#: Speed of a motion along or about an axis that names none [m/s, rad/s] (docs/language.md).
+#: Speed of a motion along or about an axis that names none [m/s, rad/s] (docs/language/axes.md).
 MOVE_SPEED = {"linear": 0.05, "angular": math.radians(30.0)}
 
 

@@ -12,7 +12,7 @@ from taskspec.deferred import ca
 
 Number = TypeVar("Number", float, "ca.SX")
 
-#: References are blended in over at least this time [s] (docs/language.md).
+#: References are blended in over at least this time [s] (docs/language/stages.md).
 BLEND_TIME = 0.2
 #: A larger offset takes longer, so that blending alone never moves faster than a default move.
 _PEAK = 1.875

@@ -2,9 +2,9 @@
 
 A capsule is balls in a row, so near that no point of it is more than `_DENT` of its radius outside,
 unless it is thinner than a hundredth of its length.
-Of a cylinder, a box and an ellipsoid the balls are those of the capsule within, and points on its
-edges; of a mesh they are the corners of its convex hull. None is outside the shape, so what a ball
-meets, the link meets.
+Of a cylinder and a box the balls are those of the capsule within, and points on its edges; of an
+ellipsoid the ball within, and points all over it; of a mesh the corners of its convex hull. None is
+outside the shape, so what a ball meets, the link meets.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ _DENT = 0.03
 _BALLS = 400
 #: Points on a rim.
 _RIM = 16
-#: Corners of a mesh at most.
-_CORNERS = 200
+#: Points on an ellipsoid; corners of a mesh at most.
+_ROUND, _CORNERS = 100, 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,13 +119,13 @@ def _balls(m: mujoco.MjModel, g: int) -> Balls:
         rim = np.column_stack([r * np.cos(turns), r * np.sin(turns), np.full(_RIM, h)])
         within = _row(min(r, h), max(h - r, 0.0), 2)
         return _joined(within, _points([*rim, *(rim * (1, 1, -1))]))
-    if kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
         along, least = int(np.argmax(size)), float(np.min(size))
-        box = kind == mujoco.mjtGeom.mjGEOM_BOX
-        within = _row(least, float(size[along]) - least if box else 0.0, along)
         corners = itertools.product((-1, 1), repeat=3)
-        ends = corners if box else [s * row for row in np.eye(3) for s in (-1, 1)]
-        return _joined(within, _points([np.array(end) * size for end in ends]))
+        within = _row(least, float(size[along]) - least, along)
+        return _joined(within, _points([np.array(end) * size for end in corners]))
+    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+        return _joined(_row(float(np.min(size)), 0.0, 0), _points([*(_directions(_ROUND) * size)]))
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         return _points(list(_hull(m, int(m.geom_dataid[g]))))
     return np.zeros((0, 3)), np.zeros(0)
@@ -156,10 +156,13 @@ def _hull(m: mujoco.MjModel, mesh: int) -> Iterator[Vector]:
     if count <= _CORNERS:
         yield from corners
         return
-    # Directions all round, by the golden angle.
-    k = np.arange(_CORNERS) + 0.5
-    polar, turn = np.arccos(1 - 2 * k / _CORNERS), np.pi * (1 + 5**0.5) * k
-    directions = np.column_stack(
+    yield from corners[np.unique(np.argmax(corners @ _directions(_CORNERS).T, axis=0))]
+
+
+def _directions(count: int) -> Vector:
+    """(count, 3) unit vectors all round, by the golden angle."""
+    k = np.arange(count) + 0.5
+    polar, turn = np.arccos(1 - 2 * k / count), np.pi * (1 + 5**0.5) * k
+    return np.column_stack(
         [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
     )
-    yield from corners[np.unique(np.argmax(corners @ directions.T, axis=0))]

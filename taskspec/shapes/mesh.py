@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from taskspec.deferred import ca, np
 from taskspec.deferred_methods import dataclass
+from taskspec.missing import MissingLibraryError, command_for, library, require
 from taskspec.shapes.surface import Geom, SizeKey, Surface, SurfaceChart
 
 if TYPE_CHECKING:
@@ -79,8 +80,11 @@ def read(path: str, changed: int, unit: str) -> ConvexBody:  # noqa: ARG001
     Raises:
         MeshError: it cannot be read, or is not a closed convex body of few facets.
     """
-    import trimesh
-
+    try:
+        require("trimesh", "a mesh", "scipy")
+        trimesh = library("trimesh", "a mesh")
+    except MissingLibraryError as error:
+        raise MeshError(str(error), command_for("trimesh")) from None
     try:
         mesh = trimesh.load_mesh(path)
     except Exception as error:

@@ -335,7 +335,7 @@ class SurfaceChart(ABC):
         """The following frame (3, 3) at the foot of a point: z the outward normal.
 
         x is `heading` (world, (3,)) laid on the tangent plane, by default the surface's own x,
-        for a cylinder its axis (docs/language.md).
+        for a cylinder its axis (docs/language/frames.md).
         """
         n = self.normal(point)
         x = _tangent(ca.SX(self.reference_direction(heading)), n)

@@ -1,7 +1,7 @@
 """The signals of the language, each stated once.
 
-The order is that of the log's columns and of the tables in docs/language.md. A docstring is what a
-signal means, as the documentation has it.
+The order is that of the log's columns and of the tables in docs/language/signals.md. A docstring
+is what a signal means, as the documentation has it.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def _torque(at: Situation) -> ca.SX:
     "position",
     of=_both(LENGTH, ANGLE),
     meanings=_both(
-        "coordinate of the control point; see section 7",
+        "coordinate of the control point, as its kind of frame counts",
         "rotation vector since the stage began",
     ),
     framed=True,

@@ -84,7 +84,7 @@ class Direction:
             "type": "array",
             "minItems": 3,
             "maxItems": 3,
-            "items": {"type": ["string", "number"]},
+            "items": Constant(NUMBER).json(),
         }
         return {
             "title": "Direction",

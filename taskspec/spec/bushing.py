@@ -13,7 +13,7 @@ from taskspec.spec.field_type import FieldType
 from taskspec.spec.fields import RPY, XYZ
 from taskspec.spec.model import Model
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
-from taskspec.spec.quantities import Constant, EitherQuantity
+from taskspec.spec.quantities import Constant, EitherQuantity, quantity_schema
 from taskspec.spec.words import Word
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map
@@ -125,8 +125,7 @@ class SixBySix(FieldType):
     def json(self) -> dict[str, Any]:
         """Describes both forms."""
         diagonal = [Constant(self.linear.on(rotation=a.is_rotation)).json() for a in AXES]
-        entry = {"type": ["string", "number"]}
-        row = {"type": "array", "minItems": 6, "maxItems": 6, "items": entry}
+        row = {"type": "array", "minItems": 6, "maxItems": 6, "items": quantity_schema()}
         both = [
             {"type": "array", "minItems": 6, "maxItems": 6, "prefixItems": diagonal},
             {"type": "array", "minItems": 6, "maxItems": 6, "items": row},

@@ -109,7 +109,7 @@ class Expectations(FieldType):
 
     def json(self) -> dict[str, Any]:
         """Describes the list and the mapping."""
-        condition = {"type": ["string", "boolean"]}
+        condition = {"type": "string"}
         named = {"type": "object", "propertyNames": {"pattern": NAME_PATTERN}}
         return {
             "anyOf": [

@@ -53,8 +53,13 @@ def _other_than_a_contact(name: str, context: ParseContext) -> str:
     return "forces along equations stand under 'constraints'" if name in context.objects else ""
 
 
+OWN_FRAMES = ("world", "tool")
+"""Frames of every task."""
 FrameName = Annotated[
-    str, NameReference(lambda r: r.frames, "frame", "TS122", instead=_other_than_a_frame)
+    str,
+    NameReference(
+        lambda r: r.frames, "frame", "TS122", instead=_other_than_a_frame, always=OWN_FRAMES
+    ),
 ]
 
 

@@ -22,7 +22,7 @@ from taskspec.geometry.axis import (
 )
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, span_of
-from taskspec.spec.quantities import NOTHING, Constant, Formula
+from taskspec.spec.quantities import NOTHING, Constant, ForJoints, Formula
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Text
 from taskspec.text.suggest import suggestion
@@ -87,12 +87,14 @@ class GainField(FieldType):
         least: it has to be at least this.
         matrix: whether it is a symmetric matrix on the axes, whose entries may be expressions of
             time and signals.
+        of_joints: some laws take it for joints, which are other fields; for editors.
     """
 
     dimension: Dimension
     above: float | None = None
     least: float | None = None
     matrix: bool = False
+    of_joints: bool = False
 
     def read(self, value: object, context: ParseContext) -> AxisValues:
         """The values of all axes."""
@@ -164,9 +166,11 @@ class GainField(FieldType):
             if self._mixes or not is_mixed(pair)
         }
         forms = {"linear": linear, "angular": angular}
+        joints = ForJoints(self.dimension.on(rotation=True)).json()["anyOf"]
         return {
             "anyOf": [
                 linear,
+                *(joints if self.of_joints else ()),
                 {"type": "object", "properties": forms | pairs, "additionalProperties": False},
                 {"type": "object", "properties": axes | pairs, "additionalProperties": False},
             ]

@@ -24,6 +24,7 @@ from taskspec.text.nodes import Mapping as MappingNode
 from taskspec.text.nodes import Node, Scalar, Sequence
 from taskspec.text.origin import Origin
 from taskspec.text.source import Source, Span
+from taskspec.text.suggest import closest
 from taskspec.text.yaml import MAX_BYTES, read
 
 register({"TS133": "a file that cannot be included"})
@@ -184,8 +185,7 @@ class Inclusion:
             self._error(entry, f"files that include each other: {' -> '.join(names)}",
                         "put what both need into a third one")  # fmt: skip
         elif not os.path.lexists(path):
-            self._error(entry, f"there is no file {shown}",
-                        "paths are relative to the file that includes")  # fmt: skip
+            self._error(entry, f"there is no file {shown}", _nearest(entry.value, path))
         elif not path.is_file():
             self._error(entry, f"{shown} is no regular file", "name a YAML file")
         else:
@@ -276,3 +276,12 @@ def shown_from(source: str, task: str) -> str:
     if not source.lower().endswith(_ENDINGS):
         return source
     return PurePath(os.path.relpath(source, PurePath(task).parent)).as_posix()
+
+
+def _nearest(written: str, path: Path) -> str:
+    """What to write instead of a path at which there is no file."""
+    there = sorted(each.name for each in path.parent.glob("*") if each.suffix in _ENDINGS)
+    near = closest(path.name, there)
+    if near is None:
+        return "paths are relative to the file that includes"
+    return f"did you mean '{written.removesuffix(path.name)}{near}'?"

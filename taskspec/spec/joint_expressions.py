@@ -9,7 +9,7 @@ from taskspec.expression import Expression, ExpressionError, ScopeKind, infer, p
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
-from taskspec.spec.quantities import NOTHING, Formula
+from taskspec.spec.quantities import NOTHING, Formula, quantity_schema
 from taskspec.text.data import Items, Text
 from taskspec.text.units import Dimension, fitting, noun
 
@@ -58,5 +58,7 @@ class JointExpressions(FieldType):
 
     def json(self) -> dict[str, Any]:
         """Describes the list."""
-        one = Formula(self.dimension, self.scope).json()
+        one = Formula(self.dimension, self.scope).json() | quantity_schema(
+            self.dimension, self.other
+        )
         return {"type": "array", "minItems": 1, "items": one}

@@ -123,7 +123,9 @@ class Law(Model):
     stiffness: Annotated[AxisValues, GainField(STIFFNESS, least=0, matrix=True)] | None = Field(
         None, title="Stiffness"
     )
-    damping: Damping | None = Field(None, title="Damping")
+    damping: (
+        Annotated[AxisValues, GainField(DAMPING, least=0, matrix=True, of_joints=True)] | None
+    ) = Field(None, title="Damping")
     joint_damping: SkipJsonSchema[
         Annotated[tuple[float, ...], ForJoints(ANGULAR_DAMPING)] | None
     ] = None
@@ -141,7 +143,7 @@ class Law(Model):
         Field(("posture",), title="Goals in the null space")
     )
     solve: Annotated[
-        Literal["closed-form", "qp"], Word(("closed-form", "qp"), "computation of the torques")
+        Literal["closed-form", "qp"], Word(("closed-form", "qp"), "torque computation")
     ] = Field("closed-form", title="Computation of the torques")
     solver: Annotated[Literal["daqp", "osqp"], Word(("daqp", "osqp"), "solver")] = Field(
         "daqp", title="Solver of the quadratic program"

@@ -11,14 +11,14 @@ from taskspec.deferred_methods import dataclass
 from taskspec.spec.model import Model
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import Constant
-from taskspec.spec.words import NameReference
+from taskspec.spec.words import ENDS, NameReference
 from taskspec.text.data import Map
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import FORCE, LENGTH, MOMENT, POWER, VELOCITY
 
 REACTING = ("force", "torque", "speed", "deviation")
 """Limits that may lead to a stage instead of stopping the run."""
-_TARGET = NameReference(lambda r: r.targets, "stage", "TS124")
+_TARGET = NameReference(lambda r: r.targets, "stage", "TS124", always=ENDS)
 
 
 class Bound(float):
@@ -65,9 +65,9 @@ class ConstantLimit(Constant):
     def json(self) -> dict[str, Any]:
         """Describes both forms."""
         most: dict[str, Any] = super().json()
-        then: dict[str, Any] = {"type": "string", "title": "Where it leads"}
         most |= {"title": "The limit", "description": f"Where it lies: {most['description']}"}
-        then |= {"description": "The stage that follows, end or fail", "examples": ["retreat"]}
+        then = _TARGET.json() | {"title": "Where it leads"}
+        then |= {"description": "The stage that follows, end or fail"}
         keys = {"max": most, "then": then}
         full = {"type": "object", "properties": keys, "required": ["max", "then"]}
         return {"anyOf": [super().json(), {**full, "additionalProperties": False}]}

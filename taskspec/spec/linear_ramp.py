@@ -99,4 +99,4 @@ class RampedFormula(Formula):
             "required": ["from", "to"],
             "additionalProperties": False,
         }
-        return {"description": end["description"], "anyOf": [{"type": end["type"]}, ramp]}
+        return {"description": end["description"], "anyOf": [end, ramp]}

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from taskspec import signals
 from taskspec.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.expression.scope import CONSTANTS
-from taskspec.spec.fields import MECHANISMS
+from taskspec.spec.fields import MECHANISMS, OWN_FRAMES
 from taskspec.spec.model import mapping
 from taskspec.spec.objects import kind_of_object
 from taskspec.spec.parse_context import ParseContext
@@ -56,9 +56,8 @@ def collect_names(context: ParseContext) -> None:
     handles = [f"{name}.handle" for name in context.of_kind(*MECHANISMS)]
     loose = [name for name, value in world.items() if is_free(mapping(value))]
     context.held = dict.fromkeys((*handles, *loose))
-    own = ("world", "tool")
     posed = context.of_kind("shape", "bushing", *MECHANISMS)
-    context.frames = dict.fromkeys((*own, *sections["frames"], *posed, *handles))
+    context.frames = dict.fromkeys((*OWN_FRAMES, *sections["frames"], *posed, *handles))
     _check_unique(sections, context)
     for key, names in (*sections.items(), ("params", _names(context.data, "params"))):
         for name, span in names.items():

@@ -9,6 +9,7 @@ from typing import Any
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
+from taskspec.spec.quantities import quantity_schema
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.units import Quantity
@@ -30,7 +31,7 @@ class Params(FieldType):
 
     def json(self) -> dict[str, Any]:
         """Describes the mapping."""
-        return {"type": "object", "additionalProperties": {"type": ["string", "number"]}}
+        return {"type": "object", "additionalProperties": quantity_schema()}
 
 
 def evaluate_params(context: ParseContext) -> None:

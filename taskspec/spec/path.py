@@ -17,10 +17,17 @@ from taskspec.spec.alias import Diameter
 from taskspec.spec.joint_targets import JointTargets, goes_by_time
 from taskspec.spec.model import Model, complete
 from taskspec.spec.parse_context import ParseContext
-from taskspec.spec.quantities import Constant, Entries, Formula, QuantityList, QuantityLists
+from taskspec.spec.quantities import (
+    Constant,
+    Entries,
+    Formula,
+    QuantityList,
+    QuantityLists,
+    quantity_schema,
+)
 from taskspec.spec.words import Free, Word
 from taskspec.text.codes import register
-from taskspec.text.data import Items, Map
+from taskspec.text.data import Items, Map, written
 from taskspec.text.nodes import Node, pointer
 from taskspec.text.nodes import Sequence as SequenceNode
 from taskspec.text.units import ANGULAR_VELOCITY, TIME, VELOCITY, alternatives, describe
@@ -47,6 +54,10 @@ class Pace(Formula):
         if all(str(name) in fixed for name in walk(node) if isinstance(name, Name)):
             return cast("float", Constant(VELOCITY, above=0).read(value, context))
         return Formula.read(self, value, context)
+
+    def json(self) -> dict[str, Any]:
+        """Describes it; that of a path of joints is a rate of turn."""
+        return super().json() | quantity_schema(VELOCITY, ANGULAR_VELOCITY)
 
 
 def _type_of(key: PathKey) -> Any:
@@ -109,17 +120,8 @@ def _model_of(form: type[PathForm]) -> Any:
         **fields,
     )  # fmt: skip
     model.aliases = {"diameter": Diameter()} if Diameter.key in fields else {}
-    model.noun, model.example = form.noun, f"such as {form.name}: {_written(form.examples[0])}"
+    model.noun, model.example = form.noun, f"such as {form.name}: {written(form.examples[0])}"
     return model
-
-
-def _written(value: Any) -> str:
-    """A value as a file has it."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_written(entry)}" for key, entry in value.items()) + "}"
-    if isinstance(value, list):
-        return f"[{', '.join(_written(entry) for entry in value)}]"
-    return str(value)
 
 
 def _field(form: type[PathForm]) -> tuple[Any, Any]:

@@ -25,12 +25,33 @@ from taskspec.text.units import (
     fitting,
     in_si,
     noun,
+    quantity_pattern,
 )
 
 register({"TS023": "a list of the wrong length"})
 
-_SCALAR: dict[str, Any] = {"type": ["string", "number"]}
-"""A quantity in JSON Schema: text with a unit, or a plain number such as 0."""
+
+def quantity_schema(*dimensions: Dimension) -> dict[str, Any]:
+    """A quantity in JSON Schema: text that may measure one of some dimensions, or a number.
+
+    A number without a unit is 0, unless a plain number is among them. The messages are those of the
+    language, for editors that show them.
+
+    Args:
+        dimensions: what fits; none for whatever has a unit.
+    """
+    nouns = alternatives([noun(d) for d in dimensions]) or "a quantity"
+    units = alternatives(tuple(unit for d in dimensions for unit in fitting(d)))
+    message = f"{nouns} is needed here" + (f", in {units}" if units else "")
+    found: dict[str, Any] = {
+        "type": ["string", "number"],
+        "pattern": quantity_pattern(*dimensions),
+        "patternErrorMessage": message,
+    }
+    if dimensions and NUMBER not in dimensions:
+        found["if"] = {"type": "number"}
+        found["then"] = {"const": 0, "errorMessage": message}
+    return found
 
 
 @dataclass(frozen=True)
@@ -81,7 +102,24 @@ class Constant(FieldType):
 
     def json(self) -> dict[str, Any]:
         """Describes the quantity."""
-        return _SCALAR | {"description": _description(self.dimension, self.words)}
+        said = [
+            f"; {relation} {in_si(bound, self.dimension) if bound else '0'}"
+            for relation, bound in (
+                ("more than", self.above), ("at least", self.least), ("at most", self.most),
+            )
+            if bound is not None
+        ]  # fmt: skip
+        about = {"description": _description(self.dimension, self.words) + "".join(said)}
+        return quantity_schema(self.dimension) | self._bounds() | about
+
+    def _bounds(self) -> dict[str, float]:
+        """Of plain numbers; those of others stand beside a unit."""
+        if self.dimension != NUMBER:
+            return {}
+        bounds = {
+            "exclusiveMinimum": self.above, "minimum": self.least, "maximum": self.most,
+        }  # fmt: skip
+        return {key: bound for key, bound in bounds.items() if bound is not None}
 
 
 def _description(dimension: Dimension, words: tuple[str, ...] = ()) -> str:
@@ -112,8 +150,9 @@ class Formula(FieldType):
     def json(self) -> dict[str, Any]:
         """Describes the expression."""
         if self.dimension is None:
-            return {"type": ["string", "boolean"], "description": "A condition"}
-        return _SCALAR | {"description": f"{_description(self.dimension)}; an expression"}
+            return {"type": "string", "description": "A condition"}
+        about = {"description": f"{_description(self.dimension)}; an expression"}
+        return quantity_schema(self.dimension) | about
 
 
 NOTHING = Expression("", Number(0.0, NUMBER), NUMBER)
@@ -183,7 +222,7 @@ class Entries(FieldType):
             "type": "array",
             "minItems": most if self.fewest is None else self.fewest,
             "maxItems": most,
-            "prefixItems": [Constant(d).json() for d in self.dimensions],
+            "prefixItems": [Constant(d, above=self.above).json() for d in self.dimensions],
         }
 
 
@@ -277,11 +316,9 @@ class EitherQuantity(FieldType):
 
     def json(self) -> dict[str, Any]:
         """Describes the quantity."""
-        entry = Constant(self.dimension).json()
-        second = _description(self.other)
-        return entry | {
-            "description": f"{entry['description']}; or {second[0].lower()}{second[1:]}"
-        }
+        first, second = _description(self.dimension), _description(self.other)
+        about = {"description": f"{first}; or {second[0].lower()}{second[1:]}"}
+        return quantity_schema(self.dimension, self.other) | about
 
 
 @dataclass(frozen=True)

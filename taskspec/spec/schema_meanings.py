@@ -23,12 +23,11 @@ _MECHANISM = _PLACED | {
     "damping": ("Viscous resistance to its motion; by default none.", ()),
     "friction": ("Coulomb friction of its joint; by default none.", ()),
     "stop": ("Least and greatest coordinate, with 0 between them; by default none.", ()),
-    "detent": ("A snap along its travel; by default none.", ({"at": "20 deg", "force": "1 N*m",
-                                                        "width": "5 deg"},)),
+    "detent": ("A snap along its travel; by default none.", ()),
     "inertia": ("Moment of inertia about its axis.", ("0.02 kg*m^2",)),
     "mass": ("What moves with it.", ("1 kg",)),
 }  # fmt: skip
-_DETENT = {
+_DETENT: dict[str, Meaning] = {
     "at": ("Coordinate of the snap.", ()),
     "force": ("Greatest resistance before the snap, and pull after it.", ()),
     "width": ("How far the snap reaches to either side.", ()),
@@ -48,9 +47,19 @@ def _of_axes(*, rotation: bool) -> dict[str, Meaning]:
 _EQUATION = {
     "equation": ("The constraint. In both directions with =, in one with <= or >=.", ()),
     "frame": ("The frame in which x, y, z, rx, ry and rz count; by default the world.", ()),
-    "stiffness": ("How stiffly the world keeps it, along the unit gradient.", ("50 kN/m",)),
-    "damping": ("Damping along the unit gradient.", ("50 N*s/m",)),
+    "stiffness": ("How stiffly the world keeps it, along the unit gradient.", ()),
+    "damping": ("Damping along the unit gradient.", ()),
 }
+
+
+def _with_examples(meanings: dict[str, Meaning], **examples: Any) -> dict[str, Meaning]:
+    """The same with an example for some keys: the unit of one depends on the model."""
+    return meanings | {key: (meanings[key][0], (shown,)) for key, shown in examples.items()}
+
+
+_ANGULAR = _with_examples(_EQUATION, stiffness="2000 N*m/rad", damping="5 N*m*s/rad")
+_TURNED_BY = {"at": "20 deg", "force": "1 N*m", "width": "5 deg"}
+_MOVED_BY = {"at": "20 mm", "force": "10 N", "width": "5 mm"}
 
 
 def _size(name: str) -> Meaning:
@@ -142,8 +151,8 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
                      ({"move": "20 deg"}, {"torque": 0})) for a in "xyz"},
     },
     "AngularDetent": _DETENT, "LinearDetent": _DETENT,
-    "EquationObject": _EQUATION, "JointEquation": _EQUATION,
-    "RotationEquation": _EQUATION,
+    "EquationObject": _with_examples(_EQUATION, stiffness="50 kN/m", damping="50 N*s/m"),
+    "JointEquation": _ANGULAR, "RotationEquation": _ANGULAR,
     "Bushing": {
         "bushing": ("The tool: what the spring holds.", ()),
         "xyz": ("Where the tip is at rest, in the world.", (["500 mm", 0, "300 mm"],)),
@@ -154,8 +163,10 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "damping": ("The same of its damper; by default a tenth of critical.",
                     ([*["60 N*s/m"] * 3, *["1 N*m*s/rad"] * 3],)),
     },
-    "Hinge": _MECHANISM, "Slide": _MECHANISM,
-    "Screw": _MECHANISM | {"pitch": ("Travel along its axis per angle about it.", ("2 mm/turn",))},
+    "Hinge": _with_examples(_MECHANISM, detent=_TURNED_BY),
+    "Slide": _with_examples(_MECHANISM, detent=_MOVED_BY),
+    "Screw": _with_examples(_MECHANISM, detent=_TURNED_BY)
+    | {"pitch": ("Travel along its axis per angle about it.", ("2 mm/turn",))},
     "ForceGains": {
         "proportional": (f"Share of the force error that is added at once{_GAIN}", ()),
         "integral": (f"How fast the force error is summed up{_GAIN}", ("12 /s",)),

@@ -20,7 +20,7 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     "Task.world": (_ENTRIES, ({"table": {"shape": "plane"}},)),
     "Task.params": ("Values by name, for use in expressions", ({"press": "15 N"},)),
     "Task.frames": (_ENTRIES, ({"task": {"surface": "table"}},)),
-    "Task.frame": ("", ("task", "world", "tool")),
+    "Task.frame": ("", ("task",)),
     "Task.stages": (
         "In order; " + _ENTRIES[0].lower() + _ENTRIES[1:],
         ({"wait": {"time": "1 s"}},),
@@ -66,7 +66,7 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     "Law.solve": (_WORDS, ()),
     "Law.solver": (_WORDS, ()),
     "Law.damping_ratio": ("", (0.7, {"z": 1})),
-    "Robot.model": ("", ("panda", "robots/arm.urdf", "example-robot-data:ur5")),
+    "Robot.model": ("", ("robots/arm.urdf", "example-robot-data:ur5")),
     "Robot.flange": ("", ("tool0", {"body": "wrist", "rpy": [0, "90 deg", 0]})),
     "Flange.body": ("", ("tool0",)),
     "Robot.protection": (
@@ -102,7 +102,7 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     "Stage.use": ("", ("press",)),
     "Stage.with": ("By name", ({"level": "12 N"},)),
     "Branch.when": ("", ("knock.visits < 5",)),
-    "Branch.to": ("", ("knock", "end", "fail")),
+    "Branch.to": ("", ("knock",)),
     "Task.include": ("YAML files, relative to the task file", (["cell.yaml"],)),
     "Task.templates": (
         _ENTRIES,
@@ -118,7 +118,7 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
     ),
     "Stage.until": ("", (_CONDITION,)),
     "Stage.fail_if": ("", ("norm(force) > 60 N",)),
-    "Stage.next": ("", ("lift", "end", "fail")),
+    "Stage.next": ("", ("lift",)),
     "Stage.on_fail": ("", ("retreat",)),
     "Stage.frame": ("", ("task",)),
     "Stage.tare": ("", (True,)),

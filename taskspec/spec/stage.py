@@ -23,7 +23,7 @@ from taskspec.spec.path import FORMS, Path
 from taskspec.spec.quantities import Constant, Formula
 from taskspec.spec.set_point import SetPoint, SetPoints
 from taskspec.spec.templates import USE, WITH
-from taskspec.spec.words import Count, NameReference, Switch, Word, Words
+from taskspec.spec.words import ENDS, Count, NameReference, Switch, Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Text
 from taskspec.text.nodes import pointer
@@ -52,9 +52,10 @@ def _no_condition(name: str, _context: ParseContext) -> str:
     return "a condition stands in a list: next: [{when: knock.visits < 5, to: knock}, {to: end}]"
 
 
-StageName = Annotated[
-    str, NameReference(lambda r: r.targets, "stage", "TS124", instead=_no_condition)
-]
+STAGE_NAME = NameReference(
+    lambda r: r.targets, "stage", "TS124", instead=_no_condition, always=ENDS
+)
+StageName = Annotated[str, STAGE_NAME]
 #: What a run of a stage may be found to do, which is a fault unless the stage allows it.
 OSCILLATION, SATURATION = "oscillation", "saturation"
 _ALLOWED = Words(Word((OSCILLATION, SATURATION), "fault"))
@@ -112,7 +113,7 @@ class Branch(Model):
         | dict.fromkeys(("else", "otherwise"), "the last way has no condition: {to: end}")
     )
 
-    short: ClassVar = {"type": "string"}
+    short: ClassVar = STAGE_NAME.json()
 
     @classmethod
     def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
@@ -135,7 +136,7 @@ class Branches:
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         listed = handler(schema)
-        return {"anyOf": [{"type": "string"}, {**listed, "minItems": 1}]}
+        return {"anyOf": [STAGE_NAME.json(), {**listed, "minItems": 1}]}
 
 
 def _ways(

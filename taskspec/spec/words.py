@@ -13,6 +13,7 @@ from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Real, Text, TruthValue, Whole
 from taskspec.text.suggest import suggestion
+from taskspec.text.units import alternatives
 
 register({"TS025": "not one of the words that fit"})
 
@@ -112,6 +113,7 @@ class NameReference(FieldType):
         plural: what all of them are; `what` and an s if left out.
         unfit: what to say of any other name, with `{}` for it.
         instead: what to do about a name that exists but does not fit; empty for no advice.
+        always: those of the names that every file has, for editors.
     """
 
     names: Callable[[ParseContext], dict[str, None]]
@@ -120,6 +122,7 @@ class NameReference(FieldType):
     plural: str = ""
     unfit: str = ""
     instead: Callable[[str, ParseContext], str] = lambda _name, _context: ""
+    always: tuple[str, ...] = ()
 
     @property
     def _one(self) -> str:
@@ -141,7 +144,10 @@ class NameReference(FieldType):
 
     def json(self) -> dict[str, Any]:
         """Describes the name."""
-        return {"type": "string", "description": f"The name of {self._one}"}
+        others = f", or {alternatives(self.always)}" if self.always else ""
+        found: dict[str, Any] = {"description": f"The name of {self._one}{others}"}
+        name = {"type": "string"}
+        return found | ({"anyOf": [{"enum": list(self.always)}, name]} if self.always else name)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Callable
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from taskspec.text import nodes
 from taskspec.text.codes import register
@@ -159,3 +159,12 @@ Placed = TypeVar("Placed", Text, Whole, Real)
 def _placed(leaf: Placed, node: nodes.Scalar) -> Placed:
     leaf.node = node
     return leaf
+
+
+def written(value: Any) -> str:
+    """A value of an example as a file has it, in one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {written(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(written, value))}]"
+    return str(value).lower() if isinstance(value, bool) else str(value)

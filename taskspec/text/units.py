@@ -355,6 +355,34 @@ DIGITS = r"[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?"
 QUANTITY = rf"{DIGITS}(?:[ ]*{UNIT})?"
 """A number with or without its unit."""
 
+_ZERO = r"0+(?:\.0+)?(?:[eE][+-]?[0-9]+)?"
+
+
+def quantity_pattern(*dimensions: Dimension) -> str:
+    """A regular expression of texts that may measure one of some dimensions.
+
+    It refuses a lone number with a unit of the table that measures something else, with a word that
+    is no unit, or with none; 0 needs none. Expressions, names and other compositions of units pass:
+    only the language knows what they measure.
+
+    Args:
+        dimensions: what fits; none for whatever the table has.
+    """
+    any_of_them = not dimensions
+    names = [n for n, unit in UNITS.items() if any_of_them or unit.dimension in dimensions]
+    plain = any_of_them or NUMBER in dimensions
+    fitting_names = "|".join([*names, ""] if plain else names)
+    # Where no name fits, (?!(?:)) would refuse nothing.
+    wrong = rf"(?!(?:{fitting_names})\s*$)[A-Za-z%]*" if fitting_names else "[A-Za-z%]*"
+    composed = [
+        re.escape(unit)
+        for unit in dict.fromkeys(usual_units())
+        if unit not in UNITS and not any_of_them and parse_unit(unit).dimension not in dimensions
+    ]
+    zero = "" if plain else rf"(?!{_ZERO}\s*$)"
+    return rf"^(?!\s*-?\s*{zero}{DIGITS}\s*(?:{'|'.join([wrong, *composed])})\s*$)"
+
+
 _QUANTITY_PARTS = re.compile(rf"({DIGITS})[ ]*({UNIT})?\Z")
 _UNIT_PARTS = re.compile(r"([*/]?)([A-Za-z]+|%)(?:\^(-?[0-9]))?")
 

@@ -2,8 +2,8 @@
 
 Such a table stands below a comment, `<!-- table: units -->` or `<!-- keys: robot.tool -->`. A YAML
 block is a whole task, or stands below `<!-- completes: NAME -->`: its sections then take the place
-of those of the task with that name in the same document. Blocks of files that lie beside the
-documents are those of `shown_pages`.
+of those of the task with that name in the same document, or in the README of its folder. Blocks of
+files that lie beside the documents are those of `shown_pages`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from taskspec.text.units import NUMBER, parse_unit
 ROOT = Path(__file__).resolve().parent.parent.parent
 TASKS = ROOT / "tasks"
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-LANGUAGE = ROOT / "docs" / "language.md"
+#: The reference of the language, a folder: where a folder is read, its pages are one text.
+LANGUAGE = ROOT / "docs" / "language"
 CONVENTIONS = ROOT / "docs" / "conventions.md"
 EXAMPLE = "press-and-slide"
 
@@ -66,15 +67,20 @@ def sections(text: str) -> dict[str, str]:
 
 @cache
 def example(path: Path = LANGUAGE, name: str = EXAMPLE) -> str:
-    """The text of the task with this name in a document."""
-    for match in BLOCK.finditer(path.read_text(encoding="utf-8")):
+    """The text of the task with this name in a document, or in the README of its folder."""
+    index = (path if path.is_dir() else path.parent) / "README.md"
+    for match in BLOCK.finditer(text_of(path) + text_of(index)):
         if is_task(match["text"]) and f"\nname: {name}\n" in match["text"]:
             return match["text"]
     raise LookupError(f"{path.name} has no task {name!r}")
 
 
+@cache
 def text_of(path: Path) -> str:
-    return path.read_text(encoding="utf-8")
+    """The text of a document; of a folder that of its pages, one after another."""
+    pages = sorted(path.glob("*.md")) if path.is_dir() else [path]
+    assert pages, path
+    return "\n".join(page.read_text(encoding="utf-8") for page in pages)
 
 
 def completed(text: str, path: Path = LANGUAGE, name: str = EXAMPLE) -> str:
@@ -96,7 +102,7 @@ def codes_of(text: str) -> list[str]:
 
 def table(path: Path, name: str) -> list[list[str]]:
     """The rows of a marked table, without its head; one text for each cell."""
-    text = path.read_text(encoding="utf-8")
+    text = text_of(path)
     match = re.search(rf"^<!-- {re.escape(name)} -->\n((?:\|.*\n)+)", text, re.M)
     assert match is not None, f"{path.name} has no table '{name}'"
     lines = match[1].splitlines()[2:]

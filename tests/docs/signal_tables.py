@@ -1,4 +1,4 @@
-"""The tables of signals in docs/language.md, as the entries of the code have them.
+"""The tables of signals in docs/language/signals.md, as the entries of the code have them.
 
 Run this file to write them anew after an entry has changed; then read the difference.
 """
@@ -14,7 +14,7 @@ from taskspec.signals.table import REFERENCE
 from taskspec.spec.fields import MECHANISMS
 from taskspec.text.units import NUMBER, si_unit
 
-LANGUAGE = Path(__file__).resolve().parents[2] / "docs" / "language.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "language" / "signals.md"
 _NAMES = {
     signals.Index.JOINT: "joint.N.{0}",
     signals.Index.STAGE: "STAGE.{0}",
@@ -72,4 +72,4 @@ def with_tables(text: str) -> str:
 
 
 if __name__ == "__main__":
-    LANGUAGE.write_text(with_tables(LANGUAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -6,10 +6,19 @@ import inspect
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-from documents import CONVENTIONS, LANGUAGE, completed, first_words, load, table, value, words
+from documents import (
+    CONVENTIONS,
+    LANGUAGE,
+    completed,
+    first_words,
+    load,
+    table,
+    text_of,
+    value,
+    words,
+)
 
 from taskspec import signals
 from taskspec.compiler import compile_task
@@ -36,7 +45,8 @@ from taskspec.text.units import FORCE, split_quantity, to_si
 from taskspec_runner import exit_codes
 from taskspec_runner.compare import folder as compared
 from taskspec_runner.export import FORMATS
-from taskspec_runner.export.mcap import POSES, SCALARS, TOPICS
+from taskspec_runner.export.export import LAYOUT
+from taskspec_runner.export.mcap import POSES, SCALARS, SCENE, TOPICS
 from taskspec_runner.export.messages import SIGNALS
 from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.telemetry import RATE, message
@@ -84,7 +94,7 @@ def test_numbers_of_the_null_space():
     gain, most = rows["manipulability"]
     assert value(gain) == pytest.approx(null_space.GAIN**2, rel=1e-12)
     assert value(most) == pytest.approx(null_space.MOST, rel=1e-12)
-    text = LANGUAGE.read_text(encoding="utf-8").partition("### Null space")[2]
+    text = text_of(LANGUAGE / "null-space.md")
     assert f"ω = 2π `{null_space.FREQUENCY:g} Hz`" in text
     assert f"a length of `{ARM_LENGTH:g} m`" in text
 
@@ -149,7 +159,7 @@ def test_the_smaller_mass_of_a_rotation_stands_in_the_text():
     light = replace(PLANTS[0], h=1e-6, held=1e-6)
     gains = Law(kind="impedance").design({Axis.RX: AXES["motion"]}, {Axis.RX: light})
     number = gains["mass"][Axis.RX].value
-    text = " ".join(LANGUAGE.read_text(encoding="utf-8").split())
+    text = " ".join(text_of(LANGUAGE).split())
     assert f"On rotations {number:g} kg·m² takes the place" in text
 
 
@@ -230,12 +240,14 @@ def test_run_folder():
 
 def test_topics_of_an_export():
     rows = {words(row[0])[0]: words(row[1])[0] for row in table(CONVENTIONS, "table: topics")}
-    assert rows == {**TOPICS, **POSES, SCALARS: SIGNALS}
-    assert tuple(FORMATS.values()) == tuple(Path(name).suffix for name in names.EXPORTS)
+    assert rows == {**TOPICS, **POSES, **SCENE, SCALARS: SIGNALS}
+    assert sorted([*FORMATS.values(), LAYOUT]) == sorted(
+        name.removeprefix("log") for name in names.EXPORTS
+    )
     text = CONVENTIONS.read_text(encoding="utf-8")
     assert f"{ROWS // 1000} 000 rows at a time" in text
-    for form, name in zip(FORMATS, names.EXPORTS, strict=True):
-        assert f"| `--{form}` | `{name}` |" in text
+    for form, suffix in FORMATS.items():
+        assert f"| `--{form}` | `log{suffix}` |" in text
 
 
 def test_telemetry():

@@ -1,4 +1,4 @@
-"""The site: what is made when it is built, and that every page has its place in it."""
+"""The site: what is made for it, that every page has its place, and that two tools build it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BUILDING = DOCS / "building"
 
 
 def module(name: str, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """A module of the site, as its hooks import it."""
+    """A module of the site, as those beside it import it."""
     monkeypatch.syspath_prepend(str(BUILDING))
     return importlib.import_module(name)
 
@@ -48,7 +48,7 @@ def in_navigation(entries: object) -> set[str]:
 
 def test_every_page_is_in_the_navigation(monkeypatch):
     collected = module("collected", monkeypatch)
-    made = {"signals.md", "cli.md", "changelog.md", "contributing.md", "tasks/README.md"}
+    made = {"signals.md", "cli.md", "tasks/README.md", *collected.documents()}
     written = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")}
     codes = {page for page in written if re.fullmatch(r"diagnostics/TS\d+\.md", page)}
     assert in_navigation(config()["nav"]) == written - codes | made
@@ -66,8 +66,10 @@ def test_nothing_is_fetched_by_a_reader():
     assert "offline" in site["plugins"]  # type: ignore[operator]
     assert "iframe-worker" in script
     assert (DOCS / script).is_file()
-    assert not any("://" in text_of(BUILDING / name) for name in ("site.css", "iframe-worker.js"))
-    assert not site.keys() & {"extra_javascript", "repo_url"}
+    own = [*site["extra_css"], *site["extra_javascript"], script]  # type: ignore[misc]
+    assert {Path(name).name for name in own} == {"site.css", "fitting.js", "iframe-worker.js"}
+    assert not any("://" in text_of(DOCS / name) for name in own)
+    assert "repo_url" not in site
     pages = "".join(map(text_of, DOCS.rglob("*.md")))
     # What stands in a block of code, such as a robot's file, is shown, not fetched.
     prose = re.sub(r"^```.*?^```", "", pages, flags=re.DOTALL | re.MULTILINE)
@@ -88,10 +90,13 @@ def test_the_log_has_the_columns_that_are_plotted():
 def test_pictures_are_there_and_are_shown():
     """Every picture of a page exists, and every picture that is kept is on a page.
 
-    The page of a task has the picture of its name.
+    The page of a task has the pictures of its name, and the gallery the small one.
     """
-    shown = {DOCS / "images" / f"{path.stem}.svg" for path in (ROOT / "tasks").glob("*.yaml")}
-    kept = {p for p in (DOCS / "images").iterdir() if p.suffix in (".svg", ".png")}
+    images = DOCS / "images"
+    names = [path.stem for path in (ROOT / "tasks").glob("*.yaml")]
+    shown = {images / f"{name}.svg" for name in names}
+    shown |= {images / "tasks" / f"{name}{kind}" for name in names for kind in (".svg", ".webp")}
+    kept = {p for p in images.rglob("*") if p.suffix in (".svg", ".png", ".webp")}
     shown &= kept
     for path in DOCUMENTS:
         for targets in re.findall(r"!\[[^\]]+\]\(([^)]+)\)|<img src=\"([^\"]+)\"", text_of(path)):
@@ -183,6 +188,11 @@ def test_formulas_are_drawn_with_their_numbers(monkeypatch):
     assert found >= 30
 
 
+def needs_a_browser() -> None:
+    if browser_path() is None:
+        pytest.skip("there is no browser")
+
+
 #: Parts of a page that are wider than what holds them, or than the page.
 CUT_OFF = """JSON.stringify([...document.querySelectorAll(
   'article pre code, article .formula, article table, article img, article h1, article h2')]
@@ -192,21 +202,69 @@ CUT_OFF = """JSON.stringify([...document.querySelectorAll(
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    pytest.importorskip("mkdocs", reason="the extra 'docs' is not installed")
-    if browser_path() is None:
-        pytest.skip("there is no browser")
+def sources(tmp_path_factory):
+    """The folder with the sources of the site and its configuration."""
+    pytest.importorskip("latex2mathml", reason="the extra 'docs' is not installed")
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", str(folder)]
+    command = [sys.executable, str(BUILDING / "pages.py"), str(folder)]
     subprocess.run(command, check=True, cwd=ROOT, capture_output=True)
     return folder
 
 
+@pytest.fixture(scope="module")
+def site(sources):
+    pytest.importorskip("mkdocs", reason="the extra 'docs' is not installed")
+    return built("mkdocs", sources, "--quiet")
+
+
+def built(tool: str, sources: Path, *options: str) -> Path:
+    """The site as a tool builds it; a link that leads nowhere ends the test."""
+    text = text_of(sources / "mkdocs.yml")
+    (sources / f"{tool}.yml").write_text(
+        text.replace("site_dir: site", f"site_dir: {tool}"), "utf-8"
+    )
+    command = [sys.executable, "-m", tool, "build", "--strict", *options, "-f", f"{tool}.yml"]
+    done = subprocess.run(command, cwd=sources, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return sources / tool
+
+
+def test_the_sources_have_a_page_for_each_code_and_each_task(sources, monkeypatch):
+    collected = module("collected", monkeypatch)
+    pages = {path.relative_to(sources / "pages").as_posix() for path in sources.rglob("*.md")}
+    listed = re.findall(r"(?:: |- )(\S+\.md)$", text_of(sources / "mkdocs.yml"), re.M)
+    assert sorted(listed) == sorted(pages)
+    assert {f"tasks/{path.stem}.md" for path in collected.TASKS} <= pages
+
+
+def test_sources_that_no_longer_belong_there_are_removed(sources, monkeypatch):
+    pages = module("pages", monkeypatch)
+    stale, kept = sources / "pages" / "gone.md", sources / "pages" / "cli.md"
+    stale.write_text("# Gone\n", "utf-8")
+    before = kept.stat().st_mtime_ns
+    pages.write(sources)
+    assert not stale.exists()
+    assert kept.stat().st_mtime_ns == before
+
+
+def test_another_tool_builds_the_same_site(sources, site):
+    pytest.importorskip("zensical", reason="zensical is not installed")
+    other = built("zensical", sources)
+    pages = {path.relative_to(site) for path in site.rglob("*.html")}
+    assert len(pages) > 300
+    assert {path.relative_to(other) for path in other.rglob("*.html")} == pages
+    formulas = [sum(text_of(at / page).count("<math") for page in pages) for at in (site, other)]
+    assert formulas[0] == formulas[1] > 100
+
+
 @pytest.mark.parametrize("width", [1280, 390])
 def test_nothing_of_a_page_is_cut_off(site, width):
-    pages = ["index", "language", "conventions", "truth", "theory", "signals", "how-to/compare"]
+    needs_a_browser()
+    pages = ["index", "conventions", "truth", "theory", "signals", "how-to/compare"]
     pages += [
         "chapter",
+        "words",
+        *(f"language/{name}" for name in ("index", "robot", "signals", "law", "paths", "trial")),
         *(f"laws/{path.stem}" for path in sorted((DOCS / "laws").glob("[!R]*.md"))),
     ]
     cut = {}
@@ -218,3 +276,53 @@ def test_nothing_of_a_page_is_cut_off(site, width):
             if found:
                 cut[page] = found
     assert cut == {}
+
+
+#: Types a word into the search of the open page and returns the first page that it finds.
+FIRST_FOUND = """(async () => {
+  const later = (time) => new Promise((done) => setTimeout(done, time));
+  const field = document.querySelector('[data-md-component=search-query]');
+  const toggle = document.querySelector('[data-md-toggle=search]');
+  if (!toggle.checked) {
+    toggle.click();
+    field.dispatchEvent(new FocusEvent('focus'));
+    await later(3000);
+  }
+  const link = () => document.querySelector('.md-search-result__link');
+  const found = () => link()?.getAttribute('href') ?? '';
+  for (const word of ['', WORD]) {
+    field.value = word;
+    field.dispatchEvent(new KeyboardEvent('keyup', {bubbles: true}));
+    for (let i = 0; i < 100 && (found() === '') !== (word === ''); i++) await later(50);
+  }
+  return found();
+})()"""
+
+
+def test_words_of_the_field_find_the_page_that_helps(site, monkeypatch):
+    """The first hit of a word is the page that its row on the page of words links first."""
+    needs_a_browser()
+    tags = module("words", monkeypatch).tags_of(text_of(DOCS / "words.md"))
+    # Two words of each row; those of one page stand in the order of its rows.
+    wanted = {word: page for page, words in tags.items() for word in words[:2]}
+    assert len(wanted) >= 50
+    wrong = {}
+    with Browser(browser_path()) as browser:
+        browser.size(1280, 900)
+        browser.open(site / "index.html")
+        for word, page in wanted.items():
+            found = browser.run(FIRST_FOUND.replace("WORD", json.dumps(word)))
+            expected = page.replace("README.md", "index.html").replace(".md", ".html")
+            if expected not in found:
+                wrong[word] = found
+    assert wrong == {}
+
+
+def test_words_that_newcomers_type_are_listed(monkeypatch):
+    tags = module("words", monkeypatch).tags_of(text_of(DOCS / "words.md"))
+    listed = [word for words in tags.values() for word in words]
+    assert len(listed) == len(set(listed))
+    typed = "chatter payload collision oscillates vibration bounce overshoot stiction singularity"
+    typed += " gravity compliance admittance teach urdf gripper hardware ros"
+    assert set(typed.split()) <= set(listed)
+    assert all((DOCS / page).is_file() for page in tags)

@@ -14,6 +14,7 @@ from documents import (
     load,
     models_of,
     table,
+    text_of,
     words,
 )
 from signal_tables import with_tables
@@ -74,7 +75,7 @@ def test_a_motion_and_a_force_on_one_axis(law):
 
 
 def test_laws_at_the_arms_own_inertia():
-    text = " ".join(LANGUAGE.read_text(encoding="utf-8").split())
+    text = " ".join(text_of(LANGUAGE).split())
     match = re.search(r"laws at the arm's own inertia \(([^)]*)\)", text)
     assert match is not None
     assert set(words(match[1])) == {law for law, facts in LAWS.items() if facts.natural}
@@ -87,13 +88,13 @@ def test_robots():
 
 def test_signals_are_those_of_the_table():
     """`python tests/docs/signal_tables.py` writes them again."""
-    text = LANGUAGE.read_text(encoding="utf-8")
+    text = text_of(LANGUAGE)
     assert with_tables(text) == text
 
 
 def test_signals_that_other_frames_show_differently():
     entries = (*signals.VECTORS.values(), *signals.SCALARS.values())
-    text = " ".join(LANGUAGE.read_text(encoding="utf-8").split())
+    text = " ".join(text_of(LANGUAGE).split())
     match = re.search(
         r"In expectations that works for ([^;]*); in references and guards for (.*?), and for the",
         text,

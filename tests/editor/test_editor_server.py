@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import json
+import re
 import sys
 import time
 from collections.abc import Awaitable, Callable
@@ -188,7 +190,7 @@ def test_words_are_completed_explained_found_and_renamed(tmp_path: Path) -> None
             await editor.text_document_rename_async(lsp.RenameParams(editor.document, inside, "N"))
         lenses = await editor.text_document_code_lens_async(lsp.CodeLensParams(editor.document))
         assert [each.command.title for each in lenses] == [
-            "Run", "Validate", "Open the last report",
+            "Run", "Validate with a trial", "Open the last report",
         ]  # fmt: skip
 
     session(tmp_path / "press.yaml", TASK, talk)
@@ -214,3 +216,28 @@ def test_columns_count_as_the_editor_counts_them(tmp_path: Path) -> None:
         assert found.range.start == lsp.Position(place.line, place.character + 1)
 
     session(tmp_path / "press.yaml", wrong, talk)
+
+
+def test_the_last_run_and_the_start_pose_are_shown(tmp_path: Path) -> None:
+    folder = tmp_path / "runs" / "press-1"
+    folder.mkdir(parents=True)
+    summary = {"status": "missed", "expectations": [{"passed": True}, {"passed": False}]}
+    (folder / "summary.json").write_text(json.dumps(summary))
+    (folder / "report.html").write_text("")
+    (folder / "task.yaml").write_text(TASK)
+
+    async def talk(editor: Editor) -> None:
+        await editor.until_published(None)
+        params = lsp.CodeLensParams(editor.document)
+        last = (await editor.text_document_code_lens_async(params))[-1]
+        assert last.command.title == "Last run: missed, 1 of 2 hold"
+        assert last.range.start == at(TASK, "expect:")
+        (folder / "task.yaml").write_text(TASK.replace("10 N", "9 N"))
+        last = (await editor.text_document_code_lens_async(params))[-1]
+        assert last.command.title.endswith(", of another text")
+        place = at(TASK, "robot:")
+        hover = await editor.text_document_hover_async(lsp.HoverParams(editor.document, place))
+        (picture,) = re.findall(r"!\[the start pose\]\(file://(.+)\)", hover.contents.value)
+        assert "<svg" in Path(picture).read_text()[:400]
+
+    session(tmp_path / "press.yaml", TASK, talk)

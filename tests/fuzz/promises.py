@@ -17,8 +17,8 @@ from types import FrameType
 import jsonschema
 
 from taskspec.examination import ExaminationBounds, examine
+from taskspec.schema import schema_text
 from taskspec.spec import LoadedTask, load_text
-from taskspec.spec.schema import schema_text
 from taskspec.text.diagnostic import Diagnostic, Severity, SpecError
 from taskspec.text.render import render
 from taskspec.text.source import Source
@@ -102,7 +102,8 @@ def held(text: str, base: Path, *, twice: bool = True) -> bool:
         assert_place(diagnostic, sources[diagnostic.source])
     shown = render(found, sources)
     assert all(c == "\n" or c.isprintable() for c in shown)
-    if loaded:
+    # The schema lists the built-in robots, which reading does not know.
+    if loaded and all(d.code != "TS401" for d in found):
         assert_accepted(loaded)
     if twice:
         assert found_in(text, base)[0] == found, "other findings on the second run"

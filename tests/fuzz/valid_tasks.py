@@ -9,7 +9,7 @@ from taskspec.laws import LAWS
 Text = st.SearchStrategy[str]
 #: A file that some of them include, from the folder of the shipped tasks.
 HABITS = "../tests/fuzz/habits.yaml"
-_ROBOTS = ("panda", "ur5e", "iiwa14")
+_ROBOTS = ("panda", "ur5e", "robots/arm.urdf", "example-robot-data:iiwa14")
 
 
 def _one(*words: str) -> Text:

@@ -118,6 +118,7 @@ WRONG = {
     ("run", "--on", "udp://h:5", "--world", "1"): "--world is of a simulated plant",
     ("run", "--on", "udp://h:5", "--seed", "3"): "--seed is of a simulated plant",
     ("run", "--on", "udp://h:5", "--loop", "native"): "--loop native is of a simulated plant",
+    ("run", "--on", "udp://h:5", "--watch"): "--watch is of a simulated plant",
     ("run", "--on", "udp://no.such.host.invalid:5"): "has no address",
     ("plant", "--listen", "udp://here"): "--listen needs udp://HOST:PORT, such as",
     ("plant", "--listen", "udp://0.0.0.0:0"): "add --open to mean it",

@@ -97,6 +97,7 @@ def test_data_of_the_packages_is_inside(names):
         "taskspec_runner/pages/script/chart.js",
         "taskspec_runner/pages/script/time.js",
         "taskspec_runner/pages/script/worlds_charts.js",
+        "taskspec_runner/scene/bundle.js",
     ):
         assert name in names
 

@@ -15,7 +15,7 @@ CASES = [
     (law, robot) for k, law in enumerate(LAWS) for robot in ("panda", ("ur5e", "planar3")[k % 2])
 ]
 #: 20 cases of these make 10 000 states.
-STATES = 500
+STATES = 150
 #: What OSQP is asked for, absolute and relative (`control/qp/osqp.py`).
 ASKED = 1e-8
 
@@ -71,7 +71,7 @@ def widen(problem: QuadraticProgram) -> None:
 
 @pytest.mark.parametrize(("law", "robot"), CASES)
 def test_without_an_active_limit_the_torque_is_that_of_the_closed_form(law, robot):
-    """10 000 random states in all; the shortcut that leaves the program out is not taken.
+    """Some 3000 random states in all; the shortcut that leaves the program out is not taken.
 
     The closed form is that of the same task without `solve: qp`. Pushes are clamped before there is
     a program, so states in which one would be are states with an active limit, and drawn again.

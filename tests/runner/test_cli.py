@@ -23,8 +23,8 @@ from taskspec import __version__
 from taskspec.compiler import compile_task
 from taskspec.program.execution.transition import Transition
 from taskspec.program.program import Program
+from taskspec.schema import FILE_NAME, schema_text
 from taskspec.spec import load_task
-from taskspec.spec.schema import FILE_NAME, schema_text
 from taskspec_runner import exit_codes
 from taskspec_runner.cli import app
 from taskspec_runner.cli import new as template_command
@@ -656,8 +656,8 @@ stages: {go: {time: 1 s}}
     for row in (
         "robot.sensor.rate that of the controller",
         "world.rim.frame world",
-        # As docs/language.md has them: 20 kN/m, on joints 2 kN m/rad, and 0.1 * 2 sqrt(k h) with
-        # 1 kg and 0.05 kg m^2.
+        # As docs/language/equations.md has them: 20 kN/m, on joints 2 kN m/rad, and
+        # 0.1 * 2 sqrt(k h) with 1 kg and 0.05 kg m^2.
         "world.bars.stiffness 2000 N*m/rad",
         "world.bars.damping 2 N*m*s/rad",
         "world.cap.knob fixed",

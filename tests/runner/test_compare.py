@@ -15,10 +15,14 @@ import pytest
 from short_tasks import TAP
 from typer.testing import CliRunner, Result
 
+from taskspec.compiler import compile_unchecked
 from taskspec.laws import LAWS
+from taskspec.stability.sampled_stage import loop_of
 from taskspec_runner.cli import app
+from taskspec_runner.cli.loading import load
 from taskspec_runner.compare import read_comparison
 from taskspec_runner.compare.attempt import AS_WRITTEN
+from taskspec_runner.compare.gains import equal_bandwidth
 from taskspec_runner.compare.overlay import COLOURS, overlay, role
 from taskspec_runner.compare.ranking import ranks
 from taskspec_runner.compare.summary import largest
@@ -174,7 +178,9 @@ def test_notes_say_what_the_file_loses(tap: Path) -> None:
         "stage hold has a law of its own, which is replaced too, but not 'as written'",
     ]
     tap.write_text(TAP)
-    assert compare(tap, *laws("hybrid", "parallel"))[1]["notes"] == []
+    assert compare(tap, *laws("hybrid", "parallel"))[1]["notes"] == [
+        "'as written' and hybrid are the same run: the file gives no other gains"
+    ]
 
 
 def test_errors_are_those_of_the_log(tap: Path) -> None:
@@ -437,3 +443,47 @@ def test_errors_within_five_percent_of_the_least_of_a_rank_share_it() -> None:
 
     found = [law(0.2), law(0.198), law(0.207), law(0.209), law(0.198, met=0)]
     assert ranks(found, {"s": ["z"]}) == [1, 1, 1, 4, 5]
+
+
+FREE = """\
+taskspec: 1
+name: free
+robot: {model: panda, start: {xyz: [500 mm, 0, 400 mm]}}
+stages:
+  there:
+    axes: {x: {move: 20 mm, speed: 50 mm/s}}
+"""
+
+
+def test_equal_bandwidth_puts_the_poles_of_all_laws_in_one_place(here: Path) -> None:
+    """Six pairs of poles at 2 Hz with a ratio of 0.7, read off the sampled loop of the real arm.
+
+    Sampling at 1 kHz moves them by w T / 2, less than a hundredth.
+    """
+    file, found = here / "free.yaml", {}
+    file.write_text(FREE)
+    for law in ("hybrid", "impedance", "parallel"):
+        program = compile_unchecked(load(file, law=law, gains=equal_bandwidth(law)))
+        loop = loop_of(program.plan, "there")
+        assert loop is not None
+        s = np.array([mode.s for mode in loop.modes() if mode.s.imag > 1])
+        assert len(s) == 6, law
+        found[law] = s
+        assert np.abs(s) / (2 * np.pi) == pytest.approx(2.0, rel=0.01)
+        assert -s.real / np.abs(s) == pytest.approx(0.7, rel=0.02)
+    assert found["hybrid"] == pytest.approx(found["impedance"], rel=0.01)
+
+
+def test_compared_with_equal_bandwidth(tap: Path) -> None:
+    """The runs have these gains, and their folders say so: they are compiled again with them."""
+    _, data = compare(tap, *laws("hybrid", "impedance"), "--equal", "bandwidth")
+    assert data["equal"] == "bandwidth"
+    hybrid = next(law for law in data["laws"] if law["law"] == "hybrid")
+    of_y = [g["value"] for g in hybrid["gains"]["hold"] if g["name"] == "bandwidth"]
+    assert of_y == [2.0]
+    assert not data["notes"]
+    read = read_comparison(Path(data["folder"]))
+    assert read.runs["hybrid"].manifest["overrides"]["law.bandwidth"].startswith("{linear: 2 Hz")
+    assert "bandwidth of 2 Hz" in Path(data["page"]).read_text()
+    _, usual = compare(tap, *laws("hybrid", "impedance"))
+    assert any("hybrid are the same run" in note for note in usual["notes"])

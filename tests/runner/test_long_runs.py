@@ -36,6 +36,7 @@ def spilled(monkeypatch: pytest.MonkeyPatch) -> None:
     """Everything is long: blocks are of 700 ticks, and files begin with room for 1024."""
     monkeypatch.setattr(mapped, "SPILL_ROWS", 700)
     monkeypatch.setattr(file_array, "LARGE", 1000)
+    monkeypatch.setattr(file_array, "_MAPPED", 1 << 16)
     monkeypatch.setattr(file_array, "BLOCK_ROWS", 300)
     monkeypatch.setattr(mapped, "_FIRST_CAPACITY", 1024)
 

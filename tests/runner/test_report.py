@@ -26,6 +26,7 @@ from taskspec_runner.pages.samples import POINTS_BYTES
 from taskspec_runner.record.log import Log
 from taskspec_runner.report import Picture, overview_svg, write_report
 from taskspec_runner.report.figures import differs
+from taskspec_runner.report.tables import _resolved
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.outcome import verdict
 
@@ -450,3 +451,12 @@ class TestOverview:
         assert {f"--j{i}" for i in range(7)} <= defined
         assert {f"--j{i}" for i in range(7)} <= set(re.findall(r"(--\w+):", dark))
         assert set(re.findall(r"var\((--\w+)\)", text)) <= defined | {"--mark"}
+
+
+def test_what_no_encoder_resolves_is_said_to_be_less_than_that() -> None:
+    """2 pi / 2^24 is 0.37 urad, and 0.37 um at 1 m; forces have no such floor."""
+    assert _resolved(-1.9e-9, "m") == ("< 0.4", "µm")
+    assert _resolved(1.9e-7, "rad") == ("< 21", "µdeg")
+    assert _resolved(5e-6, "m") == quantity(5e-6, "m")
+    assert _resolved(1e-7, "N") == quantity(1e-7, "N")
+    assert _resolved(0.0, "m") == quantity(0.0, "m")

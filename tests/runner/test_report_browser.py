@@ -179,7 +179,8 @@ def test_charts_show_stages_events_limits_bands_and_values_at_rest(
 
 
 def test_zooming_one_chart_zooms_all(browser: Browser, pages: dict[str, Path]) -> None:
-    shown(browser, pages["good"])
+    # Here all charts are equally wide, and have the same marks.
+    shown(browser, pages["good"], (1000, 1400))
     whole = browser.run(TIMES)
     assert len(set(whole)) == 1
     box = browser.run("document.querySelector('.main .plot').getBoundingClientRect().toJSON()")

@@ -183,7 +183,7 @@ def test_a_full_scene_takes_no_more(tapped: Recording) -> None:
 def test_the_camera_has_the_action_in_its_picture(record: Record, text: str) -> None:
     world = RecordedWorld(record(text))
     aspect = 1.4
-    view = frame_run(world, aspect)
+    view = frame_run(world).view(world.model, aspect)
     axes = axes_of(view.azimuth, view.elevation)
     eye = np.array(view.lookat) + view.distance * axes[2]
     points = np.vstack([world.recording.point, np.zeros((1, 3))])
@@ -201,7 +201,7 @@ def test_the_camera_has_the_action_in_its_picture(record: Record, text: str) -> 
 
 def test_the_close_view_goes_where_nothing_hides_the_tool(record: Record) -> None:
     world = RecordedWorld(record(DRUM))
-    view = frame_run(world, 1.3)
+    view = frame_run(world).view(world.model, 1.3)
     usual = close_view(world, view, 0.9)
     model, tip = world.model, world.recording.point.mean(axis=0)
     assert (usual.view.azimuth, usual.view.elevation) == (view.azimuth, view.elevation)
@@ -292,7 +292,7 @@ def test_without_a_screen_it_is_said_what_to_do(
     result = CliRunner().invoke(app, ["replay", str(tmp_path / "run"), "--view"])
     assert result.exit_code == 2
     assert "cannot open a window: there is no screen" in result.stderr
-    assert "--video out.mp4 needs none" in result.stderr
+    assert "taskspec replay RUN --web serves a page" in result.stderr
 
 
 def test_a_mac_needs_its_own_launcher(tapped: Recording, monkeypatch: pytest.MonkeyPatch) -> None:

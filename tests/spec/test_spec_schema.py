@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -8,8 +9,16 @@ from typing import Any
 import jsonschema
 import pytest
 
-from taskspec.spec.schema import FILE_NAME, is_stale, schema_text
+from taskspec.robot import builtin_names
+from taskspec.schema import FILE_NAME, is_stale, schema_text
+from taskspec.spec.parse_context import ParseContext
+from taskspec.spec.quantities import Constant, quantity_schema
 from taskspec.spec.schema_meanings import MEANINGS
+from taskspec.text.data import Map, to_data
+from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.source import Source
+from taskspec.text.units import MEASURES, UNITS, Dimension, usual_units
+from taskspec.text.yaml import read as yaml_of
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "corpus"))
 
@@ -57,6 +66,14 @@ def test_schema_rejects_nothing_that_loads(path: Path) -> None:
         "taskspec: 1\nrobot: {model: panda}\nworld: {a: {shape: plan}}\nstages: {a: {time: 1 s}}\n",
         "taskspec: 1\nrobot: {model: panda, base: {xyz: [0, 0]}}\nstages: {a: {time: 1 s}}\n",
         "taskspec: 1\nstages: {a: {time: 1 s}}\n",
+        "taskspec: 1\nrobot: {model: pnda}\nstages: {a: {time: 1 s}}\n",
+        "taskspec: 1\nrobot: {model: panda}\nlimits: {force: 40}\nstages: {a: {time: 1 s}}\n",
+        "taskspec: 1\nrobot: {model: panda}\nlimits: {force: 40 mm}\nstages: {a: {time: 1 s}}\n",
+        "taskspec: 1\nrobot: {model: panda}\nstages: {a: {time: 2}}\n",
+        "taskspec: 1\nrobot: {model: panda, tool: {mass: 10 kN}}\nstages: {a: {time: 1 s}}\n",
+        "taskspec: 1\nrobot: {model: panda, tool: {radius: 10}}\nstages: {a: {time: 1 s}}\n",
+        "taskspec: 1\nrobot: {model: panda}\nparams: {press: 1 newton}\nstages: {a: {time: 1 s}}\n",
+        "taskspec: 1\nrobot: {model: panda}\nstages: {a: {axes: {z: {force: -10}}, time: 1 s}}\n",
     ],
 )
 def test_editors_see_common_mistakes(text: str) -> None:
@@ -64,12 +81,71 @@ def test_editors_see_common_mistakes(text: str) -> None:
         VALIDATOR.validate(data_of(text))
 
 
+def read(text: str, dimension: Dimension) -> bool:
+    """Whether the language takes a text for a quantity of a dimension."""
+    source = Source("q", f"value: {text}")
+    data = to_data(yaml_of(source, Diagnostics("q")), Diagnostics("q"))
+    assert isinstance(data, Map)
+    context = ParseContext(Diagnostics("q"), data)
+    Constant(dimension).read(data["value"], context)
+    return not len(context.diagnostics)
+
+
+@pytest.mark.parametrize(
+    "dimension", [m.dimension for m in MEASURES], ids=[m.noun for m in MEASURES]
+)
+def test_a_lone_number_is_taken_with_the_units_that_fit(dimension: Dimension) -> None:
+    """The schema and the language agree on every unit of the table, on 0 and on no unit."""
+    form = jsonschema.Draft202012Validator(quantity_schema(dimension))
+    units = dict.fromkeys(("", *UNITS, *usual_units(), "newton", "n"))
+    assert len(units) > 40
+    for unit in units:
+        for number in ("40", "-0.5", "1e3", "0"):
+            text = f"{number} {unit}".strip()
+            datum = data_of(f"value: {text}")["value"]
+            assert form.is_valid(datum) == read(text, dimension), text
+            assert unit == "" or form.is_valid(f"{number}{unit}") == form.is_valid(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["press", "-press", "2 * press", "10 kg*m/s^2", "press / 2 + 1 N", "(3 N)", "sqrt(4) * 1 N",
+     "max(1 N, 2 N)", "10 N", "10  N ", "10N", "-press*2", "3*press", "0.0", "1 N + 2 N"],
+)  # fmt: skip
+def test_expressions_and_names_pass(text: str) -> None:
+    assert QUANTITIES["Force"]["patternErrorMessage"].startswith("a force is needed here, in N")
+    assert jsonschema.Draft202012Validator(QUANTITIES["Force"]).is_valid(text)
+
+
+def test_editors_are_offered_nothing_that_is_wrong() -> None:
+    """Names of a file, defaults in SI units and examples that are no quantities are not offered."""
+    offered: list[object] = []
+
+    def collect(form: object) -> None:
+        if isinstance(form, dict):
+            assert "default" not in form
+            assert not {"properties", "required"} <= form.keys(), form.get("title")
+            offered.extend(form.get("examples", ()))
+        for part in form.values() if isinstance(form, dict) else form:
+            if isinstance(part, dict | list):
+                collect(part)
+
+    collect(SCHEMA)
+    assert "60 N" in offered
+    for example in offered:
+        assert isinstance(example, int | float) or re.search(r"\d.*[A-Za-z]", str(example)), example
+    assert SCHEMA["$defs"]["Robot"]["properties"]["model"]["anyOf"][0]["enum"] == [*builtin_names()]
+    following = SCHEMA["$defs"]["Stage"]["properties"]["next"]["anyOf"][0]["anyOf"]
+    assert following == [{"enum": ["end", "fail"]}, {"type": "string"}]
+
+
 def fields(form: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     nested = [form, *form.get("anyOf", [])]
     return [pair for part in nested for pair in part.get("properties", {}).items()]
 
 
-MODELS = {"Task": SCHEMA, **SCHEMA["$defs"]}
+QUANTITIES = {name: form for name, form in SCHEMA["$defs"].items() if "pattern" in form}
+MODELS = {"Task": SCHEMA, **{k: v for k, v in SCHEMA["$defs"].items() if k not in QUANTITIES}}
 
 
 @pytest.mark.parametrize("model", MODELS)

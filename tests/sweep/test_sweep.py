@@ -18,7 +18,6 @@ from typer.testing import CliRunner
 from taskspec.compiler import compile_task
 from taskspec.spec import load_task, load_text
 from taskspec_runner.cli.app import app
-from taskspec_runner.cli.sweep import describe
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record.lock import FolderLock
 from taskspec_runner.record.manifest import seal
@@ -29,6 +28,7 @@ from taskspec_runner.sweep.bundle import Bundle, program_of
 from taskspec_runner.sweep.engine import Work, run_work
 from taskspec_runner.sweep.executors import Workers
 from taskspec_runner.sweep.folder import PAGE, SweepFolder
+from taskspec_runner.sweep.progress import describe
 from taskspec_runner.sweep.session import sweep
 from taskspec_runner.sweep.table import read_table
 from taskspec_runner.sweep.world_run import run_world

@@ -16,7 +16,7 @@ of (4.78), `tests/theory/rigid.py`; in *Equations that hold exactly* it runs on 
 misses; `make theory` runs them and writes this page.
 
 [Conventions](conventions.md) says what the signs, the contact and one tick are,
-[the task language](language.md#12-law) what the laws are called. Equation numbers are those of the
+[the task language](language/law.md) what the laws are called. Equation numbers are those of the
 textbook chapter "Motion and force control"; its sections are the ones below.
 
 *Sampled* is a prediction of the discrete-time model in `tests/theory/sampled.py`: the torque is

@@ -65,6 +65,7 @@ def run(
             help="The loop that runs the ticks: machine code where it can, or one of the two."
         ),
     ] = LoopName.AUTO,
+    watched: options.WatchOptions,
     robot: options.RobotOptions,
 ) -> int:
     """Run a task in simulation, record it and judge what it expects."""
@@ -72,7 +73,7 @@ def run(
 
     on = None if robot.on is None else Connection(robot.on, robot)
     by = None if loop is LoopName.AUTO else loop.value
-    return run_task(file, given, kept, video=video, force=force, loop=by, on=on)
+    return run_task(file, given, kept, video=video, force=force, loop=by, on=on, watched=watched)
 
 
 @_command
@@ -101,15 +102,18 @@ def sweep(
         ),
     ],
     sweeping: options.SweepOptions,
+    watched: options.WatchOptions,
 ) -> int:
     """Run a task in many worlds of its 'vary': how likely it succeeds, and on what that depends."""
     from taskspec_runner.cli.sweep import merge_parts, sweep_task
 
+    if sweeping.merge and watched.watch:
+        raise typer.BadParameter("--watch shows a sweep that runs, and --merge runs none")
     if sweeping.merge:
         return merge_parts(files, sweeping)
     if len(files) != 1:
         raise typer.BadParameter("a sweep is of one task file; folders go with --merge")
-    return sweep_task(files[0], sweeping)
+    return sweep_task(files[0], sweeping, watched)
 
 
 @_command
@@ -188,7 +192,21 @@ def explain(
             autocompletion=completions.codes,
         ),
     ],
+    out: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[PATH]",
+            help="The file of --picture, .svg or .png; by default the name of the task with .svg.",
+        ),
+    ] = None,
     given: options.TaskOptions,
+    picture: Annotated[
+        bool,
+        typer.Option(
+            "--picture",
+            help="Draw the start, the frames, who controls their axes, and the path instead.",
+        ),
+    ] = False,
     form: Annotated[RunFormat, typer.Option("--format", help="The format of the explanation.")] = (
         RunFormat.TEXT
     ),
@@ -201,9 +219,11 @@ def explain(
         typer.Option("--terms", help="Show inertia, gravity and Coriolis terms at the tool."),
     ] = False,
 ) -> int:
-    """Say what a task makes of itself and comes to in a trial; or what a code means."""
-    from taskspec_runner.cli.explain import explain_what
+    """Say what a task makes of itself and comes to in a trial, or draw it; or what a code means."""
+    from taskspec_runner.cli.explain import draw_task, explain_what
 
+    if picture or out is not None:
+        return draw_task(what, out, given.sets, given.law, form, wanted=picture, terms=terms)
     return explain_what(what, given.sets, given.law, form, static=static, terms=terms)
 
 
@@ -408,13 +428,11 @@ def replay(
     video: Annotated[
         Path | None, typer.Option(metavar="OUT.MP4", help="Write a video; no screen is needed.")
     ] = None,
-    view: Annotated[
-        bool, typer.Option("--view", help="Open a window; this is the default.")
-    ] = False,
+    shown: options.ReplayOptions,
     cut: options.CutOptions,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> int:
-    """Look at a run again: robot, forces, frame and paths, as a video or in a window."""
+    """Look at a run again: robot, forces, frame and paths, as a video, in a page or a window."""
     from taskspec_runner.cli.replay import replay_run
 
-    return replay_run(folder, video, cut, view=view, quiet=quiet)
+    return replay_run(folder, video, cut, shown, quiet=quiet)

@@ -19,7 +19,7 @@ from taskspec.text.diagnostic import Diagnostic, SpecError
 from taskspec.text.render import headline, plain
 from taskspec.text.suggest import suggestion
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
-from taskspec_runner.cli.formats import RunFormat
+from taskspec_runner.cli.formats import Equal, RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.options import CompareOptions
 from taskspec_runner.cli.progress import progress_line
@@ -31,6 +31,7 @@ from taskspec_runner.compare.folder import (
     check_comparison,
     open_comparison,
 )
+from taskspec_runner.compare.gains import equal_bandwidth
 from taskspec_runner.compare.page import write_comparison
 from taskspec_runner.compare.session import run_attempts
 from taskspec_runner.compare.summary import opening, summarise
@@ -53,7 +54,7 @@ def compare_laws(file: Path, given: CompareOptions) -> int:
         # Before anything is compiled.
         check_unlocked(out)
         check_comparison(out)
-    attempts = [attempt(law, functools.partial(_loaded, file, sets)) for law in names]
+    attempts = [attempt(law, functools.partial(_loaded, file, sets, given.equal)) for law in names]
     as_data = given.form is RunFormat.JSON
     if everywhere := _everywhere(attempts):
         # The file is wrong whatever the law, so there is nothing to say of the laws.
@@ -64,6 +65,7 @@ def compare_laws(file: Path, given: CompareOptions) -> int:
     loaded = next((a.program.context.loaded for a in attempts if a.program), None)
     name = loaded.task.name if loaded else file.stem
     opened = opening(name, str(file), sets, given.seed, _notes(file, sets, loaded))
+    opened["equal"] = given.equal
     folder = None
     if loaded is not None:
         if not quiet:
@@ -101,8 +103,10 @@ def chosen(laws: Sequence[str] | None) -> list[str]:
     return list(dict.fromkeys(laws))
 
 
-def _loaded(file: Path, sets: Sequence[str], law: str) -> LoadedTask:
-    return load(file, sets, None if law == AS_WRITTEN else law)
+def _loaded(file: Path, sets: Sequence[str], equal: Equal | None, law: str) -> LoadedTask:
+    if law == AS_WRITTEN:
+        return load(file, sets)
+    return load(file, sets, law, equal_bandwidth(law) if equal is Equal.BANDWIDTH else None)
 
 
 def _everywhere(attempts: Sequence[Attempt]) -> list[Diagnostic]:

@@ -31,9 +31,11 @@ from taskspec_runner.cli.sheet.stability import StabilitySheet
 from taskspec_runner.cli.sheet.stage import StageSheet
 from taskspec_runner.cli.sheet.terms import TermsSheet
 from taskspec_runner.errors import InputError
+from taskspec_runner.record.whole import write_whole
 from taskspec_runner.trial.check import TRIAL_TICKS
 from taskspec_runner.trial.trial import Trial, trial
 
+_PICTURES = (".svg", ".png")
 _STATIC = "left out: --static"
 _CODE = re.compile(r"TS\d{3}\Z", re.IGNORECASE)
 #: To another page; its text is kept.
@@ -64,6 +66,54 @@ def explain_what(
         _explain_code(what.upper(), as_json=as_json)
     else:
         _explain_file(Path(what), sets, law, as_json=as_json, static=static, terms=terms)
+    return 0
+
+
+def draw_task(
+    what: str,
+    out: Path | None,
+    sets: Sequence[str],
+    law: str | None,
+    form: RunFormat,
+    *,
+    wanted: bool,
+    terms: bool,
+) -> int:
+    """Draws a task file under overrides as a picture, before anything runs.
+
+    Args:
+        what: the file.
+        out: the picture's file, whose ending says its format; None for NAME.svg.
+        sets, law, form: as for `explain_what`.
+        wanted: whether `--picture` was given.
+        terms: whether terms of operational space were asked for, which no picture has.
+
+    Raises:
+        InputError: the options do not go together, or the ending is neither .svg nor .png.
+    """
+    from taskspec_runner.preview import TaskPicture
+
+    if out is not None and not wanted:
+        raise InputError(f"{out} is one argument too many; to draw the task add --picture")
+    if terms:
+        raise InputError("--picture shows no terms of operational space: leave out --terms")
+    if out is not None and Path(what).suffix.lower() in _PICTURES:
+        what, out = str(out), Path(what)
+    if _CODE.match(what) and not Path(what).exists():
+        raise InputError(f"--picture draws task files; {what.upper()} is a code")
+    if out is not None and out.suffix.lower() not in _PICTURES:
+        raise InputError(f"{out} is not the name of a picture; it ends in {' or '.join(_PICTURES)}")
+    examined = examine(load(Path(what), sets, law), stability=False)
+    program = admit(examined)
+    assert examined.plan is not None
+    show_diagnostics(program.findings, program.context.loaded.sources, err=True)
+    path = out or Path(f"{Path(program.context.loaded.task.name).name}.svg")
+    picture = TaskPicture(examined.plan)
+    write_whole(path, picture.png() if path.suffix.lower() == ".png" else picture.svg())
+    if form is RunFormat.JSON:
+        _print({"picture": str(path), "diagnostics": [record(d) for d in program.findings]})
+    else:
+        typer.echo(f"picture: {path}")
     return 0
 
 

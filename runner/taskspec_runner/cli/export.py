@@ -31,6 +31,8 @@ def export_log(
     for form in forms:
         done = export_run(run, form, path, start, end)
         typer.echo(str(done.path))
+        if done.layout is not None:
+            typer.echo(str(done.layout))
         if done.note:
             typer.echo(f"taskspec: {done.path} is {done.note}", err=True)
     return warn_of_damage(run, "what was exported")

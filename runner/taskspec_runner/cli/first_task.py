@@ -15,8 +15,8 @@ from taskspec.examination import examine
 from taskspec.robot import RobotError, RobotModel, load_robot
 from taskspec.robot.first_start import FirstStart, first_starts
 from taskspec.robot.packages import is_packaged
+from taskspec.schema import FILE_NAME
 from taskspec.spec import load_text
-from taskspec.spec.schema import FILE_NAME
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.given import task_name
 from taskspec_runner.errors import InputError, OutputError

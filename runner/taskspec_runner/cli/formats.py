@@ -38,3 +38,9 @@ class LoopName(StrEnum):
     AUTO = "auto"
     NATIVE = "native"
     PYTHON = "python"
+
+
+class Equal(StrEnum):
+    """What the laws of a comparison have in common beside the task."""
+
+    BANDWIDTH = "bandwidth"

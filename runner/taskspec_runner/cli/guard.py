@@ -19,6 +19,7 @@ from typing import ParamSpec
 
 import typer
 
+from taskspec.missing import MissingLibraryError, require
 from taskspec.text.characters import escaped
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.diagnostics import show_diagnostics
@@ -45,6 +46,8 @@ def guarded(command: Callable[P, int]) -> Callable[P, None]:
 
 def _outcome(command: Callable[[], int]) -> int:
     try:
+        # What a command has found is shown with it, at its end.
+        require("rich", "this command")
         code = command()
         sys.stdout.flush()
         return code
@@ -53,8 +56,15 @@ def _outcome(command: Callable[[], int]) -> int:
     except SpecError as error:
         show_diagnostics(error.diagnostics, error.sources, err=True)
         return WRONG
-    except (InputError, OutputError) as error:
+    except (InputError, OutputError, MissingLibraryError) as error:
         _say(str(error))
+        return WRONG
+    except ImportError as error:
+        # Of a project's own module it is a mistake in the project.
+        name = (error.name or "").partition(".")[0]
+        if not name or name.startswith("taskspec"):
+            return _internal(error)
+        _say(str(MissingLibraryError("this command", name)))
         return WRONG
     except KeyboardInterrupt as error:
         _say(str(error) or "interrupted")

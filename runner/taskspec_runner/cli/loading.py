@@ -21,13 +21,19 @@ from taskspec_runner.errors import InputError
 _STDIN_NAME = "<stdin>"
 
 
-def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> LoadedTask:
+def load(
+    path: Path,
+    sets: Sequence[str] = (),
+    law: str | None = None,
+    gains: Mapping[str, str] | None = None,
+) -> LoadedTask:
     """Loads a task file.
 
     Args:
         path: the file, or `STDIN`; what standard input brings lies in the working folder.
         sets: overrides as `KEY=VALUE`.
         law: a law that replaces that of the file and of every stage.
+        gains: of that law, in the words of a file.
 
     Raises:
         SpecError: the task is wrong.
@@ -35,7 +41,7 @@ def load(path: Path, sets: Sequence[str] = (), law: str | None = None) -> Loaded
     """
     given = changes(sets, law)
     try:
-        laws = _laws(path, law) if law is not None else {}
+        laws = _laws(path, law, gains or {}) if law is not None else {}
         overrides = laws | given
         try:
             if path == STDIN:
@@ -82,7 +88,7 @@ def _traced(found: Diagnostic, lines: Mapping[int, str]) -> Diagnostic:
     return found
 
 
-def _laws(path: Path, law: str) -> dict[str, str]:
+def _laws(path: Path, law: str, gains: Mapping[str, str]) -> dict[str, str]:
     """Overrides of every `law` in a file; a file that cannot be parsed has none to replace.
 
     How the torques follow from a law is not part of it: `solve` and `solver` stay.
@@ -104,6 +110,7 @@ def _laws(path: Path, law: str) -> dict[str, str]:
         if own is None and place != "law":
             continue
         found[place] = law
+        found |= {f"{place}.{name}": value for name, value in gains.items()}
         for key in ("solve", "solver"):
             kept = own.get(key) if isinstance(own, nodes.Mapping) else None
             if isinstance(kept, nodes.Scalar):

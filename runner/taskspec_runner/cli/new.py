@@ -9,7 +9,7 @@ from pathlib import Path
 
 import typer
 
-from taskspec.spec.schema import FILE_NAME
+from taskspec.schema import FILE_NAME
 from taskspec.text.suggest import suggestion
 from taskspec_runner.cli.given import task_name
 from taskspec_runner.errors import InputError, OutputError

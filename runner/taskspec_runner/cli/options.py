@@ -13,7 +13,8 @@ import typer
 
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.cli import completions
-from taskspec_runner.cli.formats import OutcomeFormat, RunFormat
+from taskspec_runner.cli.formats import Equal, OutcomeFormat, RunFormat
+from taskspec_runner.errors import InputError
 
 TaskFile = Annotated[
     Path, typer.Argument(metavar="FILE", help="The task file; - is standard input.")
@@ -35,6 +36,10 @@ StopAfter = Annotated[
 ]
 Force = Annotated[
     bool, typer.Option("--force", help="Run in spite of errors behind which the task compiles.")
+]
+Port = Annotated[
+    int | None,
+    typer.Option(min=0, max=65535, help="The port of the page.", show_default="any that is free"),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only what failed.")]
 Outcome = Annotated[RunFormat, typer.Option("--format", help="The format of the outcome.")]
@@ -121,6 +126,30 @@ class RecordOptions:
     form: Annotated[OutcomeFormat, typer.Option("--format", help="The format of the outcome.")] = (
         OutcomeFormat.TEXT
     )
+
+
+@dataclass(frozen=True)
+class WatchOptions:
+    """The page that shows what goes on."""
+
+    watch: Annotated[
+        bool,
+        typer.Option(
+            "--watch", help="Serve a page that shows it live, for this machine, until Ctrl-C."
+        ),
+    ] = False
+    port: Port = None
+
+    @property
+    def place(self) -> int:
+        """The port of the page, 0 for any that is free.
+
+        Raises:
+            InputError: a port is given, and no page is to be served.
+        """
+        if self.port is not None and not self.watch:
+            raise InputError("--port is that of the page; give --watch, too")
+        return self.port or 0
 
 
 @dataclass(frozen=True)
@@ -251,6 +280,13 @@ class CompareOptions:
             autocompletion=completions.laws,
         ),
     ] = None
+    equal: Annotated[
+        Equal | None,
+        typer.Option(
+            help="What all laws have in common: motion axes of equal closed-loop bandwidth.",
+            show_default="designed gains",
+        ),
+    ] = None
     sets: Sets = field(default_factory=list)
     seed: Seed = 0
     out: Annotated[
@@ -348,3 +384,21 @@ class CutOptions:
             show_default="found for each run",
         ),
     ] = None
+
+
+@dataclass(frozen=True)
+class ReplayOptions:
+    """Where a recorded run is looked at, if it is no video."""
+
+    view: Annotated[bool, typer.Option("--view", help="Open a window; this is the default.")] = (
+        False
+    )
+    web: Annotated[
+        bool,
+        typer.Option(
+            "--web",
+            help="Serve its report to a browser of this machine, with the arm in motion, until "
+            "Ctrl-C.",
+        ),
+    ] = False
+    port: Port = None

@@ -11,7 +11,7 @@ from taskspec_runner.cli.options import PlantOptions
 from taskspec_runner.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from taskspec.program.program import Program
     from taskspec_runner.link.address import Endpoint
@@ -40,7 +40,7 @@ class Listening:
             )
         return found
 
-    def check(self, **_: object) -> None:
+    def check(self, _: Mapping[str, object]) -> None:
         """Finds out what can be known before anything is read.
 
         Raises:

@@ -1,4 +1,4 @@
-"""`taskspec replay`: a recorded run as a video or in a window."""
+"""`taskspec replay`: a recorded run as a video, in a page or in a window."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import urlencode
 
 import typer
 
-from taskspec_runner.cli.options import CutOptions
+from taskspec_runner.cli.options import CutOptions, ReplayOptions
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 from taskspec_runner.runs import Run
@@ -24,23 +25,50 @@ _SMALLEST_SIZE, _LARGEST_SIZE = (320, 180), (3840, 2160)
 
 
 def replay_run(
-    folder: Path, video: Path | None, cut: CutOptions, *, view: bool, quiet: bool
+    folder: Path, video: Path | None, cut: CutOptions, shown: ReplayOptions, *, quiet: bool
 ) -> int:
-    """Shows the run of a folder, as a video or else in a window."""
-    if video is not None and view:
-        raise InputError("give --video or --view, not both")
+    """Shows the run of a folder, as a video, in a page, or else in a window."""
+    if sum((video is not None, shown.view, shown.web)) > 1:
+        raise InputError("give one of --video, --view and --web")
+    if shown.port is not None and not shown.web:
+        raise InputError("--port is that of the page; give --web, too")
     run = Run.load(folder)
     clip = read_cut(cut)
     if video is not None:
         film(run, video, clip, quiet=quiet)
         typer.echo(str(video))
         return warn_of_damage(run, "the video")
+    if shown.web:
+        _serve(run, clip, shown.port or 0)
+        return warn_of_damage(run)
     from taskspec_runner.video import viewer
     from taskspec_runner.video.recording import Recording
 
     viewer.check_display()
     viewer.view(Recording.of(run), clip)
     return warn_of_damage(run)
+
+
+def _serve(run: Run, clip: Clip, port: int) -> None:
+    """Serves the report of a run, whose arm moves at once, until Ctrl-C."""
+    from taskspec_runner.live.channel import Channel
+    from taskspec_runner.live.server import PageServer, announce
+    from taskspec_runner.report.page import render
+    from taskspec_runner.scene.page import pictured
+    from taskspec_runner.video.recording import Recording
+
+    if clip.camera is not None:
+        raise InputError("--camera is of a video and of a window; in a page the mouse turns it")
+    arm = pictured(run)
+    if arm is None:
+        # Which says what is wrong with the run.
+        Recording.of(run)
+    page = render(run, arm)
+    wanted = {"play": clip.speed, "from": clip.start, "to": clip.end}
+    asked = urlencode({key: f"{value:g}" for key, value in wanted.items() if value is not None})
+    with PageServer({"": lambda: page}, Channel(1), port=port) as server:
+        announce(f"{server.url}#{asked}")
+        server.wait()
 
 
 def film(run: Run, video: Path, cut: Clip | None = None, *, quiet: bool = False) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -17,7 +18,13 @@ from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.diagnostics import record, show_diagnostics
 from taskspec_runner.cli.formats import OutcomeFormat
 from taskspec_runner.cli.loading import load
-from taskspec_runner.cli.options import RecordOptions, RobotOptions, TaskOptions, WorldOptions
+from taskspec_runner.cli.options import (
+    RecordOptions,
+    RobotOptions,
+    TaskOptions,
+    WatchOptions,
+    WorldOptions,
+)
 from taskspec_runner.errors import InputError
 from taskspec_runner.exit_codes import WRONG
 from taskspec_runner.loop.interrupt import BY_SIGNAL
@@ -26,9 +33,11 @@ from taskspec_runner.record.folder import check_folder, check_unlocked
 if TYPE_CHECKING:
     from taskspec.examined import Examination
     from taskspec.program.program import Program
+    from taskspec.program.worlds import World
     from taskspec_runner.cli.testing.outcome import FileOutcome
     from taskspec_runner.link.link import Link
     from taskspec_runner.link.on_robot import LostPolicy
+    from taskspec_runner.live.watched_run import WatchedRun
     from taskspec_runner.runs import Run
 
 
@@ -41,8 +50,12 @@ def run_task(
     force: bool = False,
     loop: str | None = None,
     on: Connects | None = None,
+    watched: WatchOptions | None = None,
 ) -> int:
-    """Runs a task file and reports how it went; afterwards draws it as a video."""
+    """Runs a task file and reports how it went; afterwards draws it as a video.
+
+    With a page that shows it, the command ends when that is not looked at any more.
+    """
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
     from taskspec_runner.cli.testing.outcome import outcome_of, refused_by
@@ -52,9 +65,19 @@ def run_task(
 
     form, quiet = kept.form, kept.quiet
     as_text, began = form is OutcomeFormat.TEXT, time.perf_counter()
+    watched = watched or WatchOptions()
     # Before anything is read or compiled.
+    _ = watched.place
     if on is not None:
-        on.check(seed=given.seed, world=given.world, loop=loop, video=video)
+        on.check(
+            {
+                "--seed": given.seed,
+                "--world": given.world,
+                "--loop native": loop == "native",
+                "--video": video,
+                "--watch": watched.watch,
+            }
+        )
     _check(kept.telemetry, kept.out, video)
     try:
         program = admitted(file, given, force=force)
@@ -70,27 +93,52 @@ def run_task(
         show_diagnostics(program.findings, program.context.loaded.sources, err=True)
     chosen = chosen_world(program.context, given.seed, given.world)
     link = None if on is None else on.link(program, None if quiet else _say)
-    with (
-        sending(kept.telemetry, _say) as sink,
-        progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
-    ):
-        run = execute_program(
-            program, kept.out, world=chosen, progress=progress, telemetry=sink, loop=loop, link=link
-        )
-    # Who breaks off a run does not wait for its video.
-    if video is not None and run.exit_code < BY_SIGNAL:
-        from taskspec_runner.cli.replay import film
+    watching = _page(program, chosen, watched) if watched.watch else nullcontext()
+    with watching as page:
+        with (
+            sending(kept.telemetry, _say) as sink,
+            progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
+        ):
+            run = execute_program(
+                program,
+                kept.out,
+                world=chosen,
+                progress=progress,
+                telemetry=sink,
+                spectator=page,
+                loop=loop,
+                link=link,
+            )
+        if page is not None:
+            page.end(run)
+        # Who breaks off a run waits neither for its video nor for a page.
+        broken_off = run.exit_code >= BY_SIGNAL
+        if video is not None and not broken_off:
+            from taskspec_runner.cli.replay import film
 
-        film(run, video, quiet=quiet)
-    if as_text:
-        show_outcome(run, quiet=quiet)
-        if video is not None and not quiet and video.is_file():
-            typer.echo(f"video: {video}")
-    elif form is OutcomeFormat.JSON:
-        _print(_as_data(run, program, video))
-    else:
-        _report(form, outcome_of(run, file, time.perf_counter() - began, str(run.report)))
+            film(run, video, quiet=quiet)
+        if as_text:
+            show_outcome(run, quiet=quiet)
+            if video is not None and not quiet and video.is_file():
+                typer.echo(f"video: {video}")
+        elif form is OutcomeFormat.JSON:
+            _print(_as_data(run, program, video))
+        else:
+            _report(form, outcome_of(run, file, time.perf_counter() - began, str(run.report)))
+        if page is not None and not broken_off:
+            page.server.wait()
     return run.exit_code
+
+
+def _page(program: Program, world: World | None, watched: WatchOptions) -> WatchedRun:
+    from taskspec.program.worlds import true_world
+    from taskspec_runner.live.server import announce
+    from taskspec_runner.live.watched_run import WatchedRun
+
+    page = WatchedRun(program, world or true_world(program.context), watched.place)
+    if announce(page.server.url):
+        page.expect()
+    return page
 
 
 def _check(telemetry: str | None, out: Path | None, video: Path | None) -> None:
@@ -111,8 +159,11 @@ def _check(telemetry: str | None, out: Path | None, video: Path | None) -> None:
 class Connects(Protocol):
     """Factory of the link of a run, as a command line has it."""
 
-    def check(self, *, seed: int, world: str | None, loop: str | None, video: Path | None) -> None:
+    def check(self, simulated: Mapping[str, object]) -> None:
         """Finds out what can be known before anything is read.
+
+        Args:
+            simulated: options of a simulated plant, and what each is given as.
 
         Raises:
             InputError: something of it cannot be used.
@@ -138,8 +189,11 @@ class Connection:
     url: str
     robot: RobotOptions
 
-    def check(self, *, seed: int, world: str | None, loop: str | None, video: Path | None) -> None:
+    def check(self, simulated: Mapping[str, object]) -> None:
         """Finds out what can be known before anything is read.
+
+        Args:
+            simulated: options of a simulated plant, and what each is given as.
 
         Raises:
             InputError: the address or the policy is none, or an option is of a simulated plant.
@@ -149,12 +203,6 @@ class Connection:
         if "://" not in self.url or self.url.startswith("udp:"):
             read_endpoint(self.url, "--on")
         self._policy()
-        simulated = {
-            "--seed": seed,
-            "--world": world,
-            "--loop native": loop == "native",
-            "--video": video,
-        }
         for option, given in simulated.items():
             if given:
                 raise InputError(f"{option} is of a simulated plant; leave it out with --on")

@@ -13,7 +13,7 @@ from taskspec_runner.record.whole import write_whole
 
 def show_schema(write: Path | None, check: Path | None) -> int:
     """Prints, writes or checks the JSON Schema of task files."""
-    from taskspec.spec.schema import is_stale, schema_text
+    from taskspec.schema import is_stale, schema_text
 
     if check is not None:
         path = _schema_file(check)
@@ -39,6 +39,6 @@ def show_schema(write: Path | None, check: Path | None) -> int:
 
 
 def _schema_file(path: Path) -> Path:
-    from taskspec.spec.schema import FILE_NAME
+    from taskspec.schema import FILE_NAME
 
     return path / FILE_NAME if path.is_dir() else path

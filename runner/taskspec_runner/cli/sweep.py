@@ -6,13 +6,14 @@ import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from taskspec_runner.cli.formats import RunFormat
-from taskspec_runner.cli.options import SweepOptions, TaskOptions
+from taskspec_runner.cli.options import SweepOptions, TaskOptions, WatchOptions
 from taskspec_runner.cli.parallel import processors
 from taskspec_runner.cli.run import admitted
 from taskspec_runner.errors import InputError
@@ -21,9 +22,14 @@ from taskspec_runner.record.names import TABLE
 from taskspec_runner.sweep.executors import workers
 from taskspec_runner.sweep.folder import PAGE, open_sweep, read_written
 from taskspec_runner.sweep.kept import check as check_keep
+from taskspec_runner.sweep.progress import describe
 from taskspec_runner.sweep.result import SweepResult
 from taskspec_runner.sweep.session import SweepGlimpse, Watch, merged, sweep
 from taskspec_runner.sweep.worlds import Worlds
+
+if TYPE_CHECKING:
+    from taskspec.spec import Task
+    from taskspec_runner.live.watched_sweep import WatchedSweep
 
 #: Worlds where neither the file nor an option says how many.
 WORLDS = 100
@@ -31,9 +37,12 @@ WORLDS = 100
 _PAUSE = 0.2
 
 
-def sweep_task(file: Path, given: SweepOptions) -> int:
-    """Runs a task file in many worlds and reports their statistics."""
-    count = given.worlds
+def sweep_task(file: Path, given: SweepOptions, watched: WatchOptions) -> int:
+    """Runs a task file in many worlds and reports their statistics.
+
+    With a page that shows it, the command ends when that is not looked at any more.
+    """
+    count, port = given.worlds, watched.place
     if sum((given.corners, given.grid is not None, count is not None)) > 1:
         raise InputError("--worlds, --corners and --grid each say which worlds: keep one of them")
     share = _share(given.shard)
@@ -45,15 +54,48 @@ def sweep_task(file: Path, given: SweepOptions) -> int:
     worlds = Worlds.of(
         program.context, given.seed, count, corners=given.corners, points=given.grid or 0
     )
-    with (
-        Termination(),
-        workers(given.executor, given.jobs or processors()) as found,
-        _progress(shown=not given.quiet and sys.stderr.isatty()) as watch,
-    ):
-        result = sweep(
-            program, worlds, given.out, workers=found, shard=share, keep=given.keep, watch=watch
-        )
-    return _told(result, quiet=given.quiet, form=given.form)
+    with _page(task, port) if watched.watch else nullcontext() as page:
+        with (
+            Termination(),
+            workers(given.executor, given.jobs or processors()) as found,
+            _progress(shown=not given.quiet and sys.stderr.isatty()) as line,
+        ):
+            watches = [line, None if page is None else page.watch]
+            result = sweep(
+                program,
+                worlds,
+                given.out,
+                workers=found,
+                shard=share,
+                keep=given.keep,
+                watch=_together([watch for watch in watches if watch is not None]),
+            )
+        if page is not None:
+            page.end()
+        code = _told(result, quiet=given.quiet, form=given.form)
+        if page is not None:
+            page.server.wait()
+    return code
+
+
+def _page(task: Task, port: int) -> WatchedSweep:
+    from taskspec_runner.live.server import announce
+    from taskspec_runner.live.watched_sweep import WatchedSweep
+
+    page = WatchedSweep(task, port)
+    announce(page.server.url)
+    return page
+
+
+def _together(watches: Sequence[Watch]) -> Watch | None:
+    if not watches:
+        return None
+
+    def watch(glimpse: SweepGlimpse) -> None:
+        for each in watches:
+            each(glimpse)
+
+    return watch
 
 
 def merge_parts(parts: Sequence[Path], given: SweepOptions) -> int:
@@ -130,18 +172,3 @@ def _progress(*, shown: bool) -> Iterator[Watch | None]:
                 live.update(Text(describe(glimpse), no_wrap=True), refresh=True)
 
         yield watch
-
-
-def describe(glimpse: SweepGlimpse) -> str:
-    """A glimpse in one line."""
-    share = 100 * glimpse.good / glimpse.done if glimpse.done else 0.0
-    text = f"{glimpse.done} of {glimpse.of} worlds, {share:.1f} % well"
-    if not glimpse.rate:
-        return f"{glimpse.done} of {glimpse.of} worlds, more are running"
-    return f"{text}, {glimpse.rate:.1f} a second, {_span(glimpse.left)} left"
-
-
-def _span(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

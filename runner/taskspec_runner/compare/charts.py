@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from markupsafe import Markup
-from scipy.ndimage import maximum_filter1d
+from numpy.lib.stride_tricks import sliding_window_view
 
 from taskspec.geometry.axis import Axis
 from taskspec.text.units import FORCE, LENGTH
@@ -155,7 +155,9 @@ def _sizes(
             return None
         known = np.isfinite(values)
         width = max(round(ENVELOPE / run.period), 1)
-        largest = maximum_filter1d(np.where(known, values, 0.0), width)
+        before = width // 2
+        padded = np.pad(np.where(known, values, 0.0), (before, width - 1 - before))
+        largest = sliding_window_view(padded, width).max(axis=1)
         return np.where(known, np.maximum(largest, _LEAST), np.nan)
 
     curves = _curves(laid, unit[0], envelope)

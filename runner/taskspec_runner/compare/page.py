@@ -13,9 +13,9 @@ from taskspec_runner.compare.attempt import AS_WRITTEN
 from taskspec_runner.compare.charts import charted
 from taskspec_runner.compare.comparison import Comparison
 from taskspec_runner.compare.folder import PAGE, PICTURE
-from taskspec_runner.compare.overlay import CUT_SHORT, overlay, role
+from taskspec_runner.compare.overlay import CUT_SHORT, Overlay, overlay, role
 from taskspec_runner.compare.picture import comparison_svg, counted, time_of
-from taskspec_runner.compare.ranking import RANKED, compared_by
+from taskspec_runner.compare.ranking import DESIGNED, EQUAL_BANDWIDTH, RANKED, compared_by
 from taskspec_runner.compare.tracking import KINDS, best
 from taskspec_runner.pages.document import (
     DASH,
@@ -40,6 +40,7 @@ from taskspec_runner.pages.html import element, joined, prose, small
 from taskspec_runner.pages.numbers import quantity
 from taskspec_runner.record.folder import RunFolder
 from taskspec_runner.record.names import REPORT
+from taskspec_runner.scene.page import arm_figure, beside, pictured
 
 Json = Mapping[str, Any]
 
@@ -95,12 +96,26 @@ def render(comparison: Comparison) -> str:
             "“file”: from the file, all others are designed." if stages else ""
         ),
         _expectations(comparison),
+        _arms(comparison, laid) if data and laid else None,
         *drawn,
         task_file(laid.leading.task) if laid and laid.leading.task else "",
         data=data,
-        scripts=("samples", "plot", "legend", "time"),
+        scripts=("samples", "plot", "legend", "time", "scene"),
         facts=pairs(_facts(summary)),
     )  # fmt: skip
+
+
+def _arms(comparison: Comparison, laid: Overlay) -> Markup:
+    """The arm of the run that leads, and translucent in it that of the best other law."""
+    shown = pictured(laid.leading)
+    if shown is None:
+        return Markup("")
+    found = (law["law"] for law in comparison.laws)
+    law = next((law for law in found if law in laid.runs and law != laid.lead), None)
+    other = beside(laid.runs[law], law, role(law), laid.begins[law]) if law else None
+    begin = laid.begins[laid.lead]
+    shown_arm = arm_figure(shown, title=f"Arm {laid.under}", begin=begin, other=other)
+    return section("Arms" if other else "Arm", shown_arm)
 
 
 def _name(comparison: Comparison, law: str, *beside: object) -> Markup:
@@ -116,7 +131,10 @@ def _ranking(comparison: Comparison) -> Markup | None:
     if not shown:
         return None
     kind = compared_by(comparison.summary["force_axes"])
-    return joined(element("p", *shown, class_="ranking"), note(RANKED.format(kind=kind)))
+    gains = EQUAL_BANDWIDTH if comparison.summary.get("equal") else DESIGNED
+    return joined(
+        element("p", *shown, class_="ranking"), note(RANKED.format(kind=kind), " ", gains)
+    )
 
 
 def _laws(comparison: Comparison) -> Markup:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from taskspec.laws.design import SPRING_DAMPING_RATIO, SPRING_FREQUENCY
+
 Json = Mapping[str, Any]
 
 #: Outcomes, from the one that is most worth.
@@ -18,8 +20,18 @@ TIE = 0.05
 #: How ranks come about, for readers of the numbers.
 RANKED = (
     "Ranked by outcome, then by expectations met, then by the largest RMS error of {kind}; errors "
-    f"within {TIE:.0%} share a rank. Every law but the one as written runs with its designed "
-    "gains, so this compares designs, not equations alone."
+    f"within {TIE:.0%} share a rank."
+)
+#: With which gains the laws were run.
+DESIGNED = (
+    "Every law but the one as written runs with its designed gains, so this compares designs, not "
+    "equations alone."
+)
+#: The same where they are equal.
+EQUAL_BANDWIDTH = (
+    f"Every law but the one as written moves with a bandwidth of {SPRING_FREQUENCY:g} Hz and a "
+    f"damping ratio of {SPRING_DAMPING_RATIO:g}; force loops are designed by one rule under all "
+    "laws. So this compares equations."
 )
 
 

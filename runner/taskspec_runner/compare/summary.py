@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from taskspec.laws import LAWS
@@ -71,6 +71,7 @@ def summarise(attempts: Sequence[Attempt], opened: Mapping[str, Any]) -> dict[st
     laws = [_law(each, forces) for each in attempts]
     return {
         **opened,
+        "notes": [*opened["notes"], *_same(attempts)],
         "about": next((s["about"] for s in summaries), None),
         "robot": next((s["robot"]["name"] for s in summaries), None),
         "exit_code": exit_code(attempts),
@@ -81,6 +82,27 @@ def summarise(attempts: Sequence[Attempt], opened: Mapping[str, Any]) -> dict[st
         ],
         "expectations": _expectations(attempts),
     }
+
+
+def _same(attempts: Sequence[Attempt]) -> Iterator[str]:
+    """Which law has made the same run as the task as written: stages, laws and gains are equal."""
+    own = next((a for a in attempts if a.law == AS_WRITTEN and a.run), None)
+    for each in attempts:
+        if own is None or each is own or each.run is None:
+            continue
+        if _controlled(each) == _controlled(own):
+            yield f"'{AS_WRITTEN}' and {each.law} are the same run: the file gives no other gains"
+
+
+def _controlled(each: Attempt) -> list[tuple[Any, ...]]:
+    """Law and gains of each stage."""
+    if each.program is None:
+        return []
+    gains = stage_gains(each.program)
+    return [
+        (stage.name, stage.plan.law.kind, [(g["name"], g["axes"], g["value"]) for g in of_stage])
+        for stage, of_stage in zip(each.program.stages, gains.values(), strict=True)
+    ]
 
 
 def _law(each: Attempt, forces: Mapping[str, Sequence[str]]) -> dict[str, Any]:

@@ -41,6 +41,8 @@ from taskspec_runner.record.whole import write_whole
 Json = Mapping[str, Any]
 #: Columns that are listed; the page says how many there are.
 LISTED = 12
+#: Of more other metrics than this, some two pages, paper has only how many there are.
+_ON_PAPER = 60
 #: Statistics that are shown at once; the page unfolds the others.
 _MAIN = ("rms_error", "peak")
 
@@ -176,8 +178,13 @@ def _metrics(metrics: Sequence[Json]) -> Markup:
     others = [row for row in differ if not leads(row)]
     same = len(metrics) - len(differ)
     title = "Others that differ" if main else "Metrics that differ"
-    rest = fold(title, len(others), _table_of(others), look="more") if others else Markup("")
+    long = bool(main) and len(others) > _ON_PAPER
+    look = "more screen" if long else "more"
+    rest = fold(title, len(others), _table_of(others), look=look) if others else Markup("")
     below = note(f"{same} others are the same." if same else "")
+    if long:
+        text = f"{len(others)} more differ, which unfold on the page."
+        below += element("p", text, class_="empty printed")
     shown = _table_of(main) + rest
     return section("Metrics that differ", shown, below)
 

@@ -67,8 +67,7 @@ def proposals(opened: OpenedFile, offset: int) -> list[Proposal]:
 
 def _keys(cursor: Cursor) -> Iterator[Proposal]:
     for name, facts in keys_at(cursor.path, cursor.others).items():
-        if name not in cursor.others:
-            yield Proposal(f"{name}: ", Sort.KEY, facts.title or facts.about, cursor.start)
+        yield Proposal(f"{name}: ", Sort.KEY, facts.title or facts.about, cursor.start)
 
 
 def _values(cursor: Cursor, names: TaskNames | None, offset: int) -> Iterator[Proposal]:

@@ -7,13 +7,15 @@ in block style and by brackets in flow style; what follows from a half-written l
 from __future__ import annotations
 
 import re
-from dataclasses import field
+from collections.abc import Mapping
+from dataclasses import field, replace
 
 from taskspec.deferred_methods import dataclass
 
 _KEY = re.compile(
     r"""("[^"\n]*"|'[^'\n]*'|[^\s:{}\[\],#"'&*!|>%@`-][^:{}\[\],#\n]*?)\s*:(?=\s|$)"""
 )
+_WORD_OF_KEY = re.compile(r"""["']?[\w-]+["']?:[ ]+([A-Za-z][\w-]*)[ ]*(?=[,}#\n]|$)""")
 _DASH = re.compile(r"-(\s+|$)")
 _COMMENT = re.compile(r"(?:^|(?<=\s))#")
 
@@ -57,7 +59,8 @@ class Cursor:
         at_key: whether a key is being written, else a value.
         start: offset at which what is being written begins.
         prefix: what is written of it before the cursor.
-        others: keys that the mapping has, beside the one that is being written.
+        others: keys that the mapping has, beside the one that is being written, each with the word
+            behind it; empty where that is no word.
         flow: whether it is in braces or brackets.
     """
 
@@ -65,7 +68,7 @@ class Cursor:
     at_key: bool
     start: int
     prefix: str
-    others: tuple[str, ...]
+    others: Mapping[str, str]
     flow: bool
 
 
@@ -93,9 +96,14 @@ class _Scan:
             self._line(line, start)
             start += len(line) + 1
         if self.found is not None and self._within is not None and self.found.at_key:
-            others = tuple(k for k, at in self._within.keys.items() if at != self.found.start)
-            found = self.found
-            self.found = Cursor(found.path, True, found.start, found.prefix, others, found.flow)
+            found, keys = self.found, self._within.keys
+            others = {key: self._word(at) for key, at in keys.items() if at != found.start}
+            self.found = replace(found, others=others)
+
+    def _word(self, at: int) -> str:
+        """The word behind the key that begins at an offset."""
+        match = _WORD_OF_KEY.match(self.text, at)
+        return match[1] if match else ""
 
     def _line(self, line: str, start: int) -> None:
         here = start <= self.at <= start + len(line)
@@ -225,4 +233,4 @@ class _Scan:
             at_key = False
         path = top.path if at_key else top.inner
         self._within = top
-        self.found = Cursor(path, at_key, start, self.text[start : self.at], (), top.flow)
+        self.found = Cursor(path, at_key, start, self.text[start : self.at], {}, top.flow)

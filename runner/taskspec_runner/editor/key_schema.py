@@ -9,7 +9,9 @@ from functools import cache
 from typing import Any
 
 from taskspec.deferred_methods import dataclass
-from taskspec.spec.schema import schema_text
+from taskspec.schema import schema_text
+from taskspec.shapes import SHAPES, size_keys, tool_shapes
+from taskspec.spec.alias import SAME, Diameter
 from taskspec.text.units import Dimension, parse_unit
 
 Json = Mapping[str, Any]
@@ -63,20 +65,42 @@ def _schema() -> Json:
     return found
 
 
-def keys_at(path: Sequence[Step], present: Sequence[str] = ()) -> dict[str, KeyFacts]:
-    """The keys that a mapping at a path may have, by name.
+def keys_at(path: Sequence[Step], present: Mapping[str, str]) -> dict[str, KeyFacts]:
+    """The keys that a mapping at a path may have beside those that it has, by name.
 
     Args:
         path: keys and indices that lead to it.
-        present: keys that it has: of several kinds of mapping those count that have all of them.
+        present: keys that it has, each with the word behind it: of several kinds of mapping those
+            count that have all of them with such words.
     """
     forms = [form for form in forms_at(path) if "properties" in form]
-    fitting = [form for form in forms if set(present) <= form["properties"].keys()]
+    fitting = [form for form in forms if present.keys() <= form["properties"].keys()]
+    chosen = [form for form in fitting if all(_takes(form, *pair) for pair in present.items())]
+    taken = {*present, *(other for name in present for other in SAME.get(name, ()))}
+    taken |= _foreign_sizes(path, present.get("shape", ""))
     found: dict[str, KeyFacts] = {}
-    for form in fitting or forms:
+    for form in chosen or fitting or forms:
         for name, entry in form["properties"].items():
-            found.setdefault(name, _facts(name, entry))
+            if name not in taken:
+                found.setdefault(name, _facts(name, entry))
     return found
+
+
+def _takes(form: Json, name: str, word: str) -> bool:
+    """Whether a key may have a word, as far as it takes a few words alone."""
+    words = form["properties"][name].get("enum", ())
+    return not words or not word or word in words
+
+
+def _foreign_sizes(path: Sequence[Step], shape: str) -> set[str]:
+    """Keys of the sizes that a shape does not have."""
+    if path[-1:] == ("tool",) and shape in tool_shapes():
+        has = {*tool_shapes()[shape].tool_keys, "length"}
+    elif path[:1] == ("world",) and shape in SHAPES:
+        has = {key.name for key in SHAPES[shape].keys}
+    else:
+        return set()
+    return {*size_keys(), *(() if Diameter.key in has else ("diameter",))} - has
 
 
 def key_at(path: Sequence[Step]) -> KeyFacts | None:

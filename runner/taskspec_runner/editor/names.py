@@ -56,6 +56,8 @@ class TaskNames:
     def __init__(self, root: nodes.Mapping, own: nodes.Mapping) -> None:
         """Of the tree of a task, with what it includes, and of that of its text alone."""
         self._own = own
+        #: Files that it includes, in which what they give has its place.
+        self.files = {each.span.source for each in nodes.scalars(root)} - {""}
         self.declared: dict[str, Declared] = {}
         for section, kind in DECLARING.items():
             below = root.get(section)
@@ -89,13 +91,24 @@ class TaskNames:
             yield f"{stage}.visits", "how often the stage has been entered"
 
     def uses(self, name: str, source: Source) -> list[Span]:
-        """The places of a name in a text: where it is given, as a key and in values."""
-        found = {key.span for key in _name_keys(self._own) if key.value == name}
-        for section, (_, value) in self._own.entries.items():
-            if section not in _PROSE:
-                for scalar in nodes.scalars(value):
-                    found.update(_words_of(scalar, name, source))
-        return sorted(found)
+        """The places of a name in the text that these are the names of."""
+        return uses_in(self._own, name, source)
+
+
+def uses_in(own: nodes.Mapping, name: str, source: Source) -> list[Span]:
+    """The places of a name in a text: where it is given, as a key and in values.
+
+    Args:
+        own: the tree of the text alone.
+        name: the name.
+        source: the text.
+    """
+    found = {key.span for key in _name_keys(own) if key.value == name}
+    for section, (_, value) in own.entries.items():
+        if section not in _PROSE:
+            for scalar in nodes.scalars(value):
+                found.update(_words_of(scalar, name, source))
+    return sorted(found)
 
 
 def _name_keys(root: nodes.Mapping) -> Iterator[nodes.Scalar]:

@@ -6,12 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from taskspec.examination import ExaminationBounds, examine
+from taskspec.program.program import refusals
 from taskspec.spec import LoadedTask, load_text
 from taskspec.spec.load import tree_of
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
 from taskspec.text.nodes import Mapping
 from taskspec.text.source import Source
 from taskspec.text.yaml import read
+from taskspec.unread import with_robot
 from taskspec_runner.editor.names import TaskNames
 
 
@@ -45,7 +47,7 @@ class OpenedFile:
 
     def read(self) -> tuple[Diagnostic, ...]:
         """Findings of text, names, units and modes."""
-        return self._of_loaded(lambda loaded: loaded.warnings)
+        return self._of_loaded(lambda loaded: loaded.warnings, robot=False)
 
     def examined(self, *, stability: bool = True) -> tuple[Diagnostic, ...]:
         """Findings of all rules; of a file that cannot be read those of `read`."""
@@ -59,11 +61,29 @@ class OpenedFile:
 
         return self._of_loaded(lambda loaded: check(loaded).findings)
 
+    def picture(self) -> bytes | None:
+        """The start pose as SVG; None of a text in which an error is found."""
+        from taskspec_runner.preview import TaskPicture
+
+        try:
+            loaded = load_text(self.source.text, str(self.path), base=self.path.parent)
+        except SpecError:
+            return None
+        examined = examine(loaded, stability=False, bounds=ExaminationBounds())
+        if examined.plan is None or refusals(examined.findings):
+            return None
+        return TaskPicture(examined.plan).svg(rows=False, fineness=1.0)
+
     def _of_loaded(
-        self, find: Callable[[LoadedTask], tuple[Diagnostic, ...]]
+        self, find: Callable[[LoadedTask], tuple[Diagnostic, ...]], *, robot: bool = True
     ) -> tuple[Diagnostic, ...]:
-        """Findings of the text as it is now; of one that cannot be read what is wrong with it."""
+        """Findings of the text as it is now; of one that cannot be read what is wrong with it.
+
+        Args:
+            find: what is found in one that can be read.
+            robot: whether the robot is looked at in one that cannot.
+        """
         try:
             return find(load_text(self.source.text, str(self.path), base=self.path.parent))
         except SpecError as error:
-            return error.diagnostics
+            return with_robot(error).diagnostics if robot else error.diagnostics

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
 
 from taskspec import signals
 from taskspec.deferred_methods import dataclass
 from taskspec.expression.functions import FUNCTIONS, REDUCERS
 from taskspec.laws import LAWS
-from taskspec.text.source import Span
+from taskspec.text.diagnostic import Diagnostics
+from taskspec.text.nodes import Mapping
+from taskspec.text.source import Source, Span
 from taskspec.text.units import describe, fitting, si_unit
+from taskspec.text.yaml import read
 from taskspec_runner.editor.cursor import cursor_at
 from taskspec_runner.editor.key_schema import key_at
-from taskspec_runner.editor.names import DECLARING, Declared
+from taskspec_runner.editor.names import DECLARING, Declared, uses_in
 from taskspec_runner.editor.opened import OpenedFile
 
 _DOTTED = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(?:\.[A-Za-z0-9_]+)*")
-_PAGE = "docs/language.md"
+_PAGES = Path("docs") / "language"
+_HEADING = re.compile(r"^(#+) `([a-z]+)`$", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +94,12 @@ def hover(opened: OpenedFile, offset: int) -> tuple[str, int, int] | None:
     return (text, word.start, word.end) if text else None
 
 
+def is_about_all(opened: OpenedFile, offset: int) -> bool:
+    """Whether a place is in a key of a task that stands for all of it: `name` or `robot`."""
+    word = word_at(opened, offset)
+    return word is not None and word.path in (("name",), ("robot",))
+
+
 def _of_key(word: WordHere) -> str:
     if not word.is_key:
         return ""
@@ -101,7 +114,27 @@ def _of_key(word: WordHere) -> str:
     for dimension in facts.dimensions:
         units = ", ".join(f"`{unit}`" for unit in fitting(dimension))
         lines.append(f"{describe(dimension)}: {units}" if units else describe(dimension))
-    return "\n\n".join(dict.fromkeys(lines))
+    lines.append(_page(word.path))
+    return "\n\n".join(dict.fromkeys(filter(None, lines)))
+
+
+def _page(path: Sequence[str | int]) -> str:
+    """A link to the section of the language's pages about the innermost key that has one."""
+    sections = _sections()
+    return next((sections[key] for key in reversed(path) if key in sections), "")
+
+
+@cache
+def _sections() -> dict[str | int, str]:
+    """Links to the sections that are about one key; none where the pages are not installed."""
+    found: dict[str | int, str] = {}
+    for folder in (root / _PAGES for root in Path(__file__).parents):
+        for page in sorted(folder.glob("*.md")):
+            for match in _HEADING.finditer(page.read_text(encoding="utf-8")):
+                anchor = "" if match[1] == "#" else f"#{match[2]}"
+                text = f"[{_PAGES.as_posix()}/{page.name}{anchor}]({page.as_uri()}{anchor})"
+                found.setdefault(match[2], text)
+    return found
 
 
 def _of_name(opened: OpenedFile, word: WordHere) -> str:
@@ -147,10 +180,24 @@ def definition(opened: OpenedFile, offset: int) -> Span | None:
     return None if declared is None else declared.span
 
 
-def renames(opened: OpenedFile, offset: int) -> tuple[str, list[Span]] | None:
-    """The name at a place and all its places in the text; None where it cannot be renamed."""
+def renames(
+    opened: OpenedFile, offset: int, text_of: Callable[[str], str]
+) -> tuple[str, dict[str, list[Span]]] | None:
+    """The name at a place, and its places by file; None where it cannot be renamed.
+
+    Args:
+        opened: the file; its own places stand under the empty name.
+        offset: of the place.
+        text_of: reads a file that it includes.
+    """
     word = word_at(opened, offset)
     declared = None if word is None else declared_at(opened, word)
-    if declared is None or declared.span.source or opened.names is None:
+    if declared is None or opened.names is None:
         return None
-    return declared.name, opened.names.uses(declared.name, opened.source)
+    found = {"": opened.names.uses(declared.name, opened.source)}
+    for name in sorted(opened.names.files):
+        source = Source(name, text_of(name))
+        own = read(source, Diagnostics(name))
+        if isinstance(own, Mapping):
+            found[name] = uses_in(own, declared.name, source)
+    return declared.name, {name: spans for name, spans in found.items() if spans}

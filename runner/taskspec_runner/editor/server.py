@@ -1,16 +1,20 @@
 """The language server: what editors ask over LSP, answered by the modules beside it.
 
-Findings come in three steps, each as soon as it is known: text, names and units with every change,
-all rules once the text rests for a moment, the trial when the file is saved.
+Findings come in steps, each as soon as it is known: text, names and units with every change, all
+rules once the text rests for a moment, those on stability last; the trial when the file is saved.
 """
 
 from __future__ import annotations
 
 import asyncio
+import hashlib
+import json
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from lsprotocol import types as lsp
 from pygls.lsp.server import LanguageServer
@@ -27,8 +31,9 @@ from taskspec_runner.editor.fixes import fixes
 from taskspec_runner.editor.names import DECLARING
 from taskspec_runner.editor.opened import OpenedFile
 from taskspec_runner.record.folder import RUNS
-from taskspec_runner.record.names import REPORT
+from taskspec_runner.record.names import REPORT, SUMMARY, TASK
 
+Find = Callable[[], tuple[Diagnostic, ...]]
 RUN, VALIDATE, SHOW_REPORT = "taskspec.run", "taskspec.validate", "taskspec.report"
 #: A text that has not changed for so long is examined by all rules [s].
 REST = 0.15
@@ -58,6 +63,7 @@ class TaskServer(LanguageServer):
         self._opened: dict[str, OpenedFile] = {}
         self._found: dict[str, tuple[Diagnostic, ...]] = {}
         self._waiting: dict[str, asyncio.Task[None]] = {}
+        self._pictures = TemporaryDirectory(prefix="taskspec-pictures-")
 
     def opened(self, uri: str) -> OpenedFile:
         """The file of a document, with its text as it is now."""
@@ -93,27 +99,38 @@ class TaskServer(LanguageServer):
             self._publish(uri, ())
             return
         self._publish(uri, opened.read())
-        self._later(uri, opened.examined, REST)
+        self._later(uri, (partial(opened.examined, stability=False), opened.examined), REST)
 
     async def saved(self, uri: str) -> None:
         """Publishes what a trial finds, too."""
         opened = self.opened(uri)
         if opened.is_task:
-            self._later(uri, opened.tried, 0.0)
+            self._later(uri, (opened.tried,), 0.0)
 
-    def _later(self, uri: str, find: Callable[[], tuple[Diagnostic, ...]], rest: float) -> None:
+    def _later(self, uri: str, steps: Sequence[Find], rest: float) -> None:
         if (before := self._waiting.pop(uri, None)) is not None:
             before.cancel()
-        self._waiting[uri] = asyncio.ensure_future(self._examine(uri, find, rest))
+        self._waiting[uri] = asyncio.ensure_future(self._examine(uri, steps, rest))
 
-    async def _examine(
-        self, uri: str, find: Callable[[], tuple[Diagnostic, ...]], rest: float
-    ) -> None:
+    async def _examine(self, uri: str, steps: Sequence[Find], rest: float) -> None:
         await asyncio.sleep(rest)
         text = self.opened(uri).source.text
-        found = await asyncio.to_thread(find)
-        if uri in self._opened and self._opened[uri].source.text == text:
-            self._publish(uri, found)
+        for find in steps:
+            found = await asyncio.to_thread(find)
+            if uri in self._opened and self._opened[uri].source.text == text:
+                self._publish(uri, found)
+
+    async def picture(self, uri: str) -> Path | None:
+        """A file with the start pose of a task; None where an error is found in it."""
+        opened = self.opened(uri)
+        name = hashlib.sha256(f"{opened.path}\0{opened.source.text}".encode()).hexdigest()[:16]
+        path = Path(self._pictures.name) / f"{name}.svg"
+        if not path.exists():
+            drawn = await asyncio.to_thread(opened.picture)
+            if drawn is None:
+                return None
+            path.write_bytes(drawn)
+        return path
 
     def _publish(self, uri: str, found: Sequence[Diagnostic]) -> None:
         self._found[uri] = tuple(found)
@@ -235,7 +252,7 @@ def _completion(ls: TaskServer, params: lsp.CompletionParams) -> list[lsp.Comple
     ]
 
 
-def _hover(ls: TaskServer, params: lsp.HoverParams) -> lsp.Hover | None:
+async def _hover(ls: TaskServer, params: lsp.HoverParams) -> lsp.Hover | None:
     uri = params.text_document.uri
     offset = _offset(ls.workspace.get_text_document(uri), params.position)
     opened = ls.task(uri)
@@ -243,6 +260,9 @@ def _hover(ls: TaskServer, params: lsp.HoverParams) -> lsp.Hover | None:
     if found is None:
         return None
     text, start, end = found
+    if opened is not None and places.is_about_all(opened, offset):
+        picture = await ls.picture(uri)
+        text += "" if picture is None else f"\n\n![the start pose]({picture.as_uri()})"
     content = lsp.MarkupContent(lsp.MarkupKind.Markdown, text)
     return lsp.Hover(content, ls.between(uri, start, end))
 
@@ -265,13 +285,23 @@ def _rename(ls: TaskServer, params: lsp.RenameParams) -> lsp.WorkspaceEdit | Non
     uri = params.text_document.uri
     opened = ls.opened(uri)
     offset = _offset(ls.workspace.get_text_document(uri), params.position)
-    found = places.renames(opened, offset)
+
+    def uri_of(name: str) -> str:
+        return (from_fs_path(str(Path(name).resolve())) or name) if name else uri
+
+    def text_of(name: str) -> str:
+        return str(ls.workspace.get_text_document(uri_of(name)).source).replace("\r\n", "\n")
+
+    found = places.renames(opened, offset, text_of)
     if found is None:
         return None
     name, spans = found
     _check_name(opened, name, params.new_name)
-    edits = [lsp.TextEdit(ls.range_of(uri, span), params.new_name) for span in spans]
-    return lsp.WorkspaceEdit(changes={uri: edits})
+    changes = {
+        uri_of(file): [lsp.TextEdit(ls.range_of(uri_of(file), s), params.new_name) for s in own]
+        for file, own in spans.items()
+    }
+    return lsp.WorkspaceEdit(changes=changes)
 
 
 def _code_action(ls: TaskServer, params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
@@ -300,11 +330,38 @@ def _code_lens(ls: TaskServer, params: lsp.CodeLensParams) -> list[lsp.CodeLens]
     if not ls.opened(uri).is_task:
         return []
     first = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
-    titles = {RUN: "Run", VALIDATE: "Validate", SHOW_REPORT: "Open the last report"}
-    return [
+    titles = {RUN: "Run", VALIDATE: "Validate with a trial", SHOW_REPORT: "Open the last report"}
+    found = [
         lsp.CodeLens(first, command=lsp.Command(title, name, arguments=[uri]))
         for name, title in titles.items()
     ]
+    return [*found, *_verdict(ls.opened(uri), uri)]
+
+
+def _verdict(opened: OpenedFile, uri: str) -> Iterator[lsp.CodeLens]:
+    """At `expect` what the last run came to; it opens its report."""
+    lines = opened.source.text.split("\n")
+    at = next((n for n, line in enumerate(lines) if line.startswith("expect:")), None)
+    folder = _newest(opened.path)
+    if at is None or folder is None:
+        return
+    try:
+        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        passed = [bool(each["passed"]) for each in summary["expectations"]]
+        text = (folder / TASK).read_text(encoding="utf-8")
+    except (OSError, ValueError, KeyError):
+        return
+    title = f"Last run: {summary['status']}, {sum(passed)} of {len(passed)} hold"
+    title += "" if text.replace("\r\n", "\n") == opened.source.text else ", of another text"
+    place = lsp.Range(lsp.Position(at, 0), lsp.Position(at, 0))
+    yield lsp.CodeLens(place, command=lsp.Command(title, SHOW_REPORT, arguments=[uri]))
+
+
+def _newest(path: Path) -> Path | None:
+    """The folder of the newest run of a file that has a report; None where there is none."""
+    reports = (path.parent / RUNS).glob(f"{path.stem}*/{REPORT}")
+    newest = max(reports, key=lambda each: each.stat().st_mtime, default=None)
+    return None if newest is None else newest.parent
 
 
 async def _validate(ls: TaskServer, uri: str) -> None:
@@ -324,13 +381,12 @@ async def _run(ls: TaskServer, uri: str) -> None:
 
 async def _report(ls: TaskServer, uri: str) -> None:
     path = ls.opened(uri).path
-    reports = (path.parent / RUNS).glob(f"{path.stem}*/{REPORT}")
-    newest = max(reports, key=lambda each: each.stat().st_mtime, default=None)
+    newest = _newest(path)
     if newest is None:
         text = f"no run of {path.name} under {path.parent / RUNS} yet"
         ls.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Info, text))
         return
-    shown = lsp.ShowDocumentParams(newest.resolve().as_uri(), external=True)
+    shown = lsp.ShowDocumentParams((newest / REPORT).resolve().as_uri(), external=True)
     await ls.window_show_document_async(shown)
 
 

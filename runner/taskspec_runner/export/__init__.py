@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
+from taskspec.missing import MissingLibraryError
 from taskspec_runner.export.export import FORMATS, Exported, export_run
-from taskspec_runner.export.missing import MissingLibraryError
 
 __all__ = ["FORMATS", "Exported", "MissingLibraryError", "export_run"]

@@ -35,6 +35,32 @@ class MessageForm:
         self._template += struct.pack("<I", number)
         return self
 
+    def integer(self, number: int) -> MessageForm:
+        """A 32-bit number that is the same in all messages."""
+        self._align(4)
+        self._template += struct.pack("<i", number)
+        return self
+
+    def byte(self, number: int) -> MessageForm:
+        """A number of 8 bits, or whether something holds, the same in all messages."""
+        self._template.append(number)
+        return self
+
+    def constant(self, values: NDArray[Any]) -> MessageForm:
+        """Numbers that are the same in all messages; 32-bit floats stay such."""
+        if values.size:
+            self._align(values.itemsize)
+            self._template += np.ascontiguousarray(values).tobytes()
+        return self
+
+    def integers(self, size: int) -> MessageForm:
+        """A slot for (n, size) 32-bit numbers."""
+        return self._slot(4 * size, 4)
+
+    def floats(self, size: int) -> MessageForm:
+        """A slot for (n, size) 32-bit floats."""
+        return self._slot(4 * size, 4)
+
     def stamp(self) -> MessageForm:
         """A slot for a time: (n, 2) seconds and nanoseconds, as 32-bit numbers."""
         return self._slot(8, 4)

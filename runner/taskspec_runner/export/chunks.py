@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.missing import library
 from taskspec_runner.export.cdr import Bytes, MessageForm, bytes_of
-from taskspec_runner.export.missing import library
 
 MAGIC = b"\x89MCAP0\r\n"
 #: Bytes of messages in a chunk, which a reader of an unfinished file may lose.
@@ -60,9 +60,9 @@ class ChunkedFile:
             MissingLibraryError: the library mcap is not installed.
         """
         self._file, self._at, self._crc, self._opcode = file, 0, 0, 0
-        self._records = library("mcap.records", "MCAP", "mcap")
-        self._builder = library("mcap.data_stream", "MCAP", "mcap").RecordBuilder()
-        self._compress = library("zstandard", "MCAP", "mcap").ZstdCompressor(_LEVEL).compress
+        self._records = library("mcap.records", "MCAP")
+        self._builder = library("mcap.data_stream", "MCAP").RecordBuilder()
+        self._compress = library("zstandard", "MCAP").ZstdCompressor(_LEVEL).compress
         self._schemas, self._channels = list[Any](), list[Any]()
         self._chunks, self._attachments, self._metadata = list[Any](), list[Any](), list[Any]()
         self._messages: Counter[int] = Counter()

@@ -7,13 +7,14 @@ from pathlib import Path
 
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import InputError
-from taskspec_runner.export.mcap import write_mcap
+from taskspec_runner.export.mcap import foxglove_layout_of, write_mcap
 from taskspec_runner.export.poses import PoseStream
 from taskspec_runner.export.rerun import write_rerun
+from taskspec_runner.export.scene import RunScene
 from taskspec_runner.export.stream import LogStream
 from taskspec_runner.export.tables import write_csv, write_parquet
 from taskspec_runner.record.extent import Extent
-from taskspec_runner.record.folder import check_target
+from taskspec_runner.record.folder import check_target, json_text
 from taskspec_runner.record.history import unrecorded_of
 from taskspec_runner.record.names import LOG
 from taskspec_runner.record.whole import whole
@@ -22,6 +23,8 @@ from taskspec_runner.runs import RebuildError, Run
 #: Format to its suffix.
 FORMATS = {"csv": ".csv", "parquet": ".parquet", "mcap": ".mcap", "rerun": ".rrd"}
 _POSED = ("mcap", "rerun")
+#: Suffix of the layout of Foxglove beside an MCAP file.
+LAYOUT = ".foxglove.json"
 _WRITERS: dict[str, Callable[[LogStream, Path], None]] = {
     "csv": write_csv,
     "parquet": write_parquet,
@@ -38,11 +41,13 @@ class Exported:
         path: of the file.
         extent: of the log.
         note: what is missing in it and why, or empty.
+        layout: of Foxglove's panels for it; None without one.
     """
 
     path: Path
     extent: Extent
     note: str = ""
+    layout: Path | None = None
 
 
 def export_run(
@@ -77,18 +82,33 @@ def export_run(
         raise InputError(f"{source} holds no tick, so there is nothing to export")
     path = path or source.with_suffix(FORMATS[form])
     check_target(path)
-    note = ""
-    joints = [name for name in unrecorded_of(log.schema) if name.startswith("joint.")]
-    if form in _POSED and any(name.endswith(".position") for name in joints):
-        note = "without the poses of tool and task frame, as joint positions were not recorded"
-    elif form in _POSED:
-        try:
-            log.poses = PoseStream(run.program)
-        except RebuildError as error:
-            missing = "without the poses of tool and task frame"
-            note = f"{missing}, as the task cannot be read: {error}"
+    note = _pose(log) if form in _POSED else ""
     with whole(path) as partial:
         _WRITERS[form](log, partial)
         if not log.ticks:
             raise InputError(f"{source} has no tick from {start or 0:g} s to {end or run.end:g} s")
-    return Exported(path, log.extent, note)
+    panels = foxglove_layout_of(log) if form == "mcap" else None
+    if panels is None:
+        return Exported(path, log.extent, note)
+    layout = path.with_suffix(LAYOUT)
+    check_target(layout)
+    with whole(layout) as partial:
+        partial.write_text(json_text(panels), encoding="utf-8")
+    return Exported(path, log.extent, note, layout)
+
+
+def _pose(log: LogStream) -> str:
+    """Finds out where everything is; returns what is missing and why, or nothing."""
+    lacking = "without arm, world, and the poses of tool and task frame"
+    joints = [name for name in unrecorded_of(log.schema) if name.startswith("joint.")]
+    if any(name.endswith(".position") for name in joints):
+        return f"{lacking}, as joint positions were not recorded"
+    try:
+        log.poses = PoseStream(log.run.program)
+    except RebuildError as error:
+        return f"{lacking}, as the task cannot be read: {error}"
+    try:
+        log.scene = RunScene.of(log.run)
+    except InputError as error:
+        return f"without arm and world: {error}"
+    return ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,17 +14,20 @@ from numpy.typing import NDArray
 from taskspec.geometry.axis import AXES
 from taskspec_runner.export.cdr import MessageForm, stamps
 from taskspec_runner.export.chunks import ChannelColumn, ChunkedFile
+from taskspec_runner.export.foxglove import foxglove_layout
+from taskspec_runner.export.markers import arrow_markers, arrow_slots, world_markers
 from taskspec_runner.export.messages import SIGNALS, definition, signals_message
 from taskspec_runner.export.poses import Poses
+from taskspec_runner.export.robot_description import robot_description
+from taskspec_runner.export.scene import CONTROL_POINT, TASK_FRAME, TOOL, WORLD, RunScene
 from taskspec_runner.export.stream import LogStream
 from taskspec_runner.record.folder import json_text, mapping
 from taskspec_runner.record.history import History, history_of
 from taskspec_runner.record.names import SUMMARY, TASK
 
-#: Frames; the wrench is about the origin of the last one, in axes that it shares with the task's.
-WORLD, TOOL, TASK_FRAME, CONTROL_POINT = "world", "tool", "task", "control_point"
 JOINT_STATES, WRENCH, WRENCH_MEASURED = "/joint_states", "/wrench", "/wrench_measured"
 STAGE_ENTERED, TOOL_POSE, FRAME_POSE, TRANSFORMS = "/stage", "/tool", "/task_frame", "/tf"
+DESCRIPTION, FIXED, OBJECTS, FORCES = "/robot_description", "/tf_static", "/world", "/forces"
 #: Topic to message.
 TOPICS = {
     JOINT_STATES: "sensor_msgs/msg/JointState",
@@ -38,7 +41,38 @@ POSES = {
     FRAME_POSE: "geometry_msgs/msg/PoseStamped",
     TRANSFORMS: "tf2_msgs/msg/TFMessage",
 }
+#: Topics that need the scene of the run; those but the last are sent once.
+SCENE = {
+    DESCRIPTION: "std_msgs/msg/String",
+    FIXED: "tf2_msgs/msg/TFMessage",
+    OBJECTS: "visualization_msgs/msg/MarkerArray",
+    FORCES: "visualization_msgs/msg/MarkerArray",
+}
 SCALARS = "/signals"
+#: What was sent once waits for who comes later, where a log is played back into ROS.
+_LATCHED = """\
+- history: 1
+  depth: 1
+  reliability: 1
+  durability: 1
+  deadline: {sec: 2147483647, nsec: 4294967295}
+  lifespan: {sec: 2147483647, nsec: 4294967295}
+  liveliness: 1
+  liveliness_lease_duration: {sec: 2147483647, nsec: 4294967295}
+  avoid_ros_namespace_conventions: false
+"""
+
+
+#: Times that differ by less are the same [s].
+_ROUNDING = 1e-9
+
+
+def foxglove_layout_of(log: LogStream) -> dict[str, Any] | None:
+    """The layout of Foxglove that goes with the messages of a log; None without its scene."""
+    if log.scene is None:
+        return None
+    columns = signals_message(log.schema.names, log.units).columns
+    return foxglove_layout(SCALARS, columns, STAGE_ENTERED, list(SCENE), log.scene)
 
 
 def write_mcap(log: LogStream, path: Path) -> None:
@@ -74,6 +108,8 @@ class _Encoder:
         self._joint_state = _joint_state(names)
         self._wrench = MessageForm().header(CONTROL_POINT).numbers(6)
         self._pose = MessageForm().header(WORLD).numbers(7)
+        self._scene, self._robot = log.scene, log.run.robot or "robot"
+        self._arrows = arrow_markers()
         self._channels = self._registered(log)
 
     def _registered(self, log: LogStream) -> dict[str, int]:
@@ -81,10 +117,14 @@ class _Encoder:
         schemas: dict[str, int] = {}
         channels: dict[str, int] = {}
         topics = {t: m for t, m in TOPICS.items() if self._joints or t != JOINT_STATES}
-        for topic, message in (topics | (POSES if self._poses is not None else {})).items():
+        topics |= POSES if self._poses is not None or self._scene is not None else {}
+        topics |= SCENE if self._scene is not None else {}
+        for topic, message in topics.items():
             if message not in schemas:
                 schemas[message] = self._file.schema(message, definition(message))
-            channels[topic] = self._file.channel(topic, schemas[message], {})
+            once = topic in SCENE and topic != FORCES
+            latched = {"offered_qos_profiles": _LATCHED} if once else {}
+            channels[topic] = self._file.channel(topic, schemas[message], latched)
         columns = self._signals.columns
         units = {field: log.units.get(name, "") for field, name in columns.items()}
         metadata = {"units": json.dumps(units), "columns": json.dumps(columns)}
@@ -94,7 +134,8 @@ class _Encoder:
 
     def add(self, rows: History) -> None:
         """Writes every message of some rows."""
-        times, when = stamps(rows.columns["clock"])
+        clock = rows.columns["clock"]
+        times, when = stamps(clock)
         poses = dict[str, Poses]()
         if self._poses is not None:
             poses = dict(zip((TOOL, TASK_FRAME, CONTROL_POINT), self._poses.add(rows), strict=True))
@@ -103,7 +144,10 @@ class _Encoder:
         names = self._signals.columns.values()
         values = np.column_stack([rows.columns[name] for name in names])
         firsts = {visit.first for visit in rows.visits()}
-        for part, known in _parts(firsts, poses, len(rows)):
+        drawn = self._drawn(clock)
+        for part, known in _parts({*firsts, *drawn}, poses, len(rows)):
+            if part.start in drawn:
+                self._add_scene(drawn[part.start])
             stage, now = str(rows.stages[part.start]), when[part]
             # A stage that follows itself is entered anew; what goes on from the rows before is not.
             if part.start in firsts and (part.start or stage != self._last):
@@ -124,6 +168,40 @@ class _Encoder:
             columns += self._posed({name: poses[name].rows(part) for name in known}, now)
             self._file.add(times[part], columns)
 
+    def _drawn(self, clock: NDArray[np.float64]) -> dict[int, int]:
+        """Rows of the scene by the rows of the log, at times (n,) [s], that they belong to."""
+        if self._scene is None:
+            return {}
+        at = self._scene.clock
+        first, after = np.searchsorted(at, [clock[0] - _ROUNDING, clock[-1] + _ROUNDING])
+        rows = np.searchsorted(clock, at[first:after] - _ROUNDING)
+        return dict(zip(rows.tolist(), range(int(first), int(after)), strict=True))
+
+    def _add_scene(self, row: int) -> None:
+        """Writes a row of the scene; before the first one, what stands still."""
+        scene, rows = self._scene, slice(row, row + 1)
+        assert scene is not None
+        times, now = stamps(scene.clock[rows])
+        if row == 0:
+            self._add_still(scene, times, now)
+        moving = {name: (parent, poses[rows]) for name, (parent, poses) in scene.moving.items()}
+        columns = [_transforms(self._channels[TRANSFORMS], moving, now)] if moving else []
+        arrows = arrow_slots(scene, rows, now)
+        columns.append(ChannelColumn(self._channels[FORCES], self._arrows, arrows))
+        self._file.add(times, columns)
+
+    def _add_still(self, scene: RunScene, time: NDArray[np.int64], now: NDArray[np.uint32]) -> None:
+        """Writes what is sent once: the arm, what stands still, and what the world is made of."""
+        text = MessageForm().text(robot_description(scene, self._robot))
+        fixed = {name: (parent, pose[None]) for name, (parent, pose) in scene.fixed.items()}
+        markers, stamped = world_markers(scene)
+        columns = [
+            ChannelColumn(self._channels[DESCRIPTION], text),
+            _transforms(self._channels[FIXED], fixed, now),
+            ChannelColumn(self._channels[OBJECTS], markers, [now] * stamped),
+        ]
+        self._file.add(time, columns)
+
     def _joint_values(self, rows: History) -> list[NDArray[np.float64]]:
         # Of a log from elsewhere some may be missing.
         none = np.full(len(rows), np.nan)
@@ -141,20 +219,28 @@ class _Encoder:
             if name in poses:
                 yield ChannelColumn(self._channels[topic], self._pose, (now, poses[name]))
         if poses:
-            layout, slots = MessageForm().count(len(poses)), list[NDArray[Any]]()
-            for name, values in poses.items():
-                layout.header(WORLD).text(name).numbers(7)
-                slots += [now, values]
-            yield ChannelColumn(self._channels[TRANSFORMS], layout, slots)
+            frames = {name: (WORLD, values) for name, values in poses.items()}
+            yield _transforms(self._channels[TRANSFORMS], frames, now)
+
+
+def _transforms(
+    channel: int, frames: Mapping[str, tuple[str, NDArray[np.float64]]], now: NDArray[np.uint32]
+) -> ChannelColumn:
+    """Messages of the poses (k, 7) of frames in their parents, stamped `now` (k, 2)."""
+    layout, slots = MessageForm().count(len(frames)), list[NDArray[Any]]()
+    for name, (parent, poses) in frames.items():
+        layout.header(parent).text(name).numbers(7)
+        slots += [now, poses]
+    return ChannelColumn(channel, layout, slots)
 
 
 def _parts(
-    visits: Set[int], poses: dict[str, Poses], rows: int
+    starts: Set[int], poses: dict[str, Poses], rows: int
 ) -> Iterator[tuple[slice, Sequence[str]]]:
-    """Rows that follow each other in one visit, with the names of those poses that are known."""
+    """Rows from one of some first ones to the next, with the names of the poses that are known."""
     known = np.array([each.known for each in poses.values()]).reshape(len(poses), rows)
     new = (known[:, 1:] != known[:, :-1]).any(axis=0)
-    firsts = {*(np.flatnonzero(new) + 1).tolist(), *visits}
+    firsts = {*(np.flatnonzero(new) + 1).tolist(), *starts}
     for first, after in pairwise([*sorted(firsts), rows]):
         names = [name for name, each in zip(poses, known[:, first], strict=True) if each]
         yield slice(first, after), names

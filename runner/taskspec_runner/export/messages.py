@@ -26,6 +26,20 @@ _PARTS = {
     "geometry_msgs/TransformStamped": (
         "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n"
     ),
+    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec\n",
+    "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a\n",
+    "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data\n",
+    "visualization_msgs/UVCoordinate": "float32 u\nfloat32 v\n",
+    "visualization_msgs/MeshFile": "string filename\nuint8[] data\n",
+    "visualization_msgs/Marker": (
+        "std_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\n"
+        "geometry_msgs/Pose pose\ngeometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\n"
+        "builtin_interfaces/Duration lifetime\nbool frame_locked\n"
+        "geometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\nstring texture_resource\n"
+        "sensor_msgs/CompressedImage texture\n"
+        "visualization_msgs/UVCoordinate[] uv_coordinates\nstring text\nstring mesh_resource\n"
+        "visualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials\n"
+    ),
 }
 _MESSAGES = {
     "sensor_msgs/msg/JointState": (
@@ -36,6 +50,7 @@ _MESSAGES = {
     "geometry_msgs/msg/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
     "std_msgs/msg/String": "string data\n",
+    "visualization_msgs/msg/MarkerArray": "visualization_msgs/Marker[] markers\n",
 }
 SIGNALS = "taskspec_msgs/msg/Signals"
 Key = TypeVar("Key", bound=Hashable)
@@ -89,7 +104,7 @@ def signals_message(names: Sequence[str], units: Mapping[str, str]) -> Signals:
     messages, kinds = {}, set[str]()
     for group, members in groups.items():
         field, legal = fields[group, ""], _legal(members)
-        kind = _unique("".join(part.capitalize() for part in field.split("_")), kinds, "")
+        kind = unique("".join(part.capitalize() for part in field.split("_")), kinds, "")
         kind = f"taskspec_msgs/Group{kind}"
         lines.append(f"{kind} {field}\n")
         messages[kind] = "".join(_field(legal[name], units.get(name, "")) for name in members)
@@ -118,12 +133,12 @@ def _legal(names: Mapping[Key, str], taken: Iterable[str] = ()) -> dict[Key, str
     found, used = dict[Key, str](), {*taken, *keyword.kwlist, *keyword.softkwlist}
     for key in sorted(names, key=lambda key: _LEGAL.fullmatch(names[key]) is None):
         snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", names[key]).lower()
-        found[key] = _unique(re.sub("_+", "_", snake).strip("_"), used)
+        found[key] = unique(re.sub("_+", "_", snake).strip("_"), used)
     return found
 
 
-def _unique(name: str, used: set[str], between: str = "_") -> str:
-    """A name, numbered where it is used."""
+def unique(name: str, used: set[str], between: str = "_") -> str:
+    """A name, numbered where it is used; from now on it is."""
     numbered = (f"{name}{between}{i}" for i in count(2))
     made = next(each for each in chain([name], numbered) if each not in used)
     used.add(made)

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from taskspec.deferred_methods import dataclass
 from taskspec.program.bound import RowFunction
@@ -173,5 +172,23 @@ def _poses(p: Vector, R: Vector) -> Poses:
         axes = R[known]
         # Most frames do not turn.
         axes = axes[:1] if (axes == axes[0]).all() else axes
-        turns[known] = Rotation.from_matrix(axes).as_quat(canonical=True)
+        turns[known] = _quaternions(axes)
     return Poses(p, turns)
+
+
+def _quaternions(R: Vector) -> Vector:
+    """(n, 4) unit quaternions x, y, z, w of rotation matrices (n, 3, 3), with w >= 0.
+
+    By the row of 4 q q^T that is longest, in which no digits are lost.
+    """
+    trace = np.trace(R, axis1=1, axis2=2)
+    squares = np.empty((len(R), 4, 4))
+    squares[:, :3, :3] = R + np.swapaxes(R, 1, 2)
+    squares[:, range(3), range(3)] += (1 - trace)[:, None]
+    spin = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], 1)
+    squares[:, :3, 3] = squares[:, 3, :3] = spin
+    squares[:, 3, 3] = 1 + trace
+    longest = squares[:, range(4), range(4)].argmax(axis=1)
+    q = squares[np.arange(len(R)), longest]
+    q = q / np.linalg.norm(q, axis=1, keepdims=True)
+    return np.asarray(np.where(q[:, 3:] < 0, -q, q))

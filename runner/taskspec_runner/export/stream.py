@@ -11,6 +11,7 @@ import pyarrow as pa
 
 from taskspec.program.execution.transition import END, FAIL
 from taskspec_runner.export.poses import PoseStream
+from taskspec_runner.export.scene import RunScene
 from taskspec_runner.record.extent import Extent
 from taskspec_runner.record.history import units_of
 from taskspec_runner.runs import Run
@@ -29,6 +30,7 @@ class LogStream:
         run: whose log it is.
         schema: of the log; None where that holds no tick.
         poses: gives those of tool and task frame; without, there are none.
+        scene: of the run, for formats that are drawn; without, there is none.
         ticks: that went by.
     """
 
@@ -48,6 +50,7 @@ class LogStream:
         self._window = (start, end)
         self.schema = pa.schema([]) if first is None else first.schema
         self.poses: PoseStream | None = None
+        self.scene: RunScene | None = None
         self._batches = batches if first is None else chain([first], batches)
 
     def __iter__(self) -> Iterator[pa.RecordBatch]:

@@ -16,7 +16,6 @@ from warnings import warn
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.nested import path_of
-from taskspec_runner.record.recorder import Recorder
 
 #: Messages in a second of simulated time, unless the address says otherwise.
 RATE = 100.0
@@ -148,44 +147,6 @@ def sending(address: str | None, say: Callable[[str], None] = warn) -> Iterator[
         telemetry.close()
         if telemetry.trouble != said:
             say(telemetry.trouble)
-
-
-class Tap:
-    """A recorder that also sends every so many ticks, the first one included.
-
-    Attributes:
-        block: of the recorder.
-    """
-
-    def __init__(self, recorder: Recorder, telemetry: Telemetry, period: float) -> None:
-        self._recorder, self._telemetry = recorder, telemetry
-        self.block = recorder.block
-        self._every = max(1, round(1 / (telemetry.address.rate * period)))
-        self._ticks = 0
-
-    def add(self) -> None:
-        """Records the bus as it is now, and sends it if it is due."""
-        self._recorder.add()
-        self._note(1)
-
-    @property
-    def left(self) -> int:
-        """Ticks up to the next that is sent, no more than the recorder takes at once."""
-        return min(self._recorder.left, -self._ticks % self._every + 1)
-
-    def advance(self, ticks: int) -> None:
-        """Takes note of ticks that are in the block, and sends the last one if it is due."""
-        self._recorder.advance(ticks)
-        self._note(ticks)
-
-    def by_machine_code(self) -> None:
-        """Informs the recorder that machine code runs the ticks."""
-        self._recorder.by_machine_code()
-
-    def _note(self, ticks: int) -> None:
-        self._ticks += ticks
-        if (self._ticks - 1) % self._every == 0:
-            self._telemetry.send(self._recorder.latest())
 
 
 def message(columns: Mapping[str, float | str]) -> bytes:

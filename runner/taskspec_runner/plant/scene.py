@@ -12,7 +12,7 @@ from taskspec_runner.plant import grasp
 from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.contact import add_loose_pairs, add_tool_pairs
 from taskspec_runner.plant.coupled import add_coupling
-from taskspec_runner.plant.looks import draw_mechanism, dress
+from taskspec_runner.plant.looks import add_stands, draw_mechanism, dress
 from taskspec_runner.plant.mechanisms import add_mechanism, add_thread
 from taskspec_runner.plant.moving_base import moving
 from taskspec_runner.plant.names import PREFIX
@@ -79,6 +79,8 @@ def build_scene(arm: SceneArm, task: Task, *, drawn: bool = False) -> Scene:
         own = task.world[name]
         assert isinstance(own, Shape)
         add_shape(spec, name, task.shapes[name], near, color, own)
+    if drawn:
+        add_stands(spec, task)
     add_tool_pairs(spec, arm, task, mobility)
     add_loose_pairs(spec, task)
     model = spec.compile()

@@ -6,6 +6,9 @@ in /var/tmp, which is on a disk where /tmp may not be. Without room there, array
 What is computed from such an array lies in a file too: operations tick by tick, running sums and
 extremes, choices by a mask or by rows. The same loops run over the same values as in memory, so
 every number is the same bit by bit.
+
+Pages that were read stay mapped, and count as memory of the process, until they are unmapped: that
+happens after every so many bytes of work. The system still has the file, and maps them again.
 """
 
 from __future__ import annotations
@@ -13,11 +16,12 @@ from __future__ import annotations
 import mmap
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
-from weakref import finalize
+from weakref import WeakSet, finalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +34,8 @@ LARGE = 1 << 20
 _STEP = 1 << 20
 #: What is kept of files that nobody uses [bytes].
 _FREE = 1 << 26
+#: Pages of so many bytes are worked on before all are unmapped.
+_MAPPED = 1 << 25
 _FALLBACK_FOLDER = Path("/var/tmp")
 
 
@@ -67,6 +73,37 @@ def empty(shape: int | tuple[int, ...], dtype: Any) -> NDArray[Any]:
     return whole.reshape(shape).view(FileArray)
 
 
+class _MappedPages:
+    """The pages of files whose arrays are in use, which are unmapped from time to time."""
+
+    def __init__(self) -> None:
+        self._files: WeakSet[mmap.mmap] = WeakSet()
+        self._lock, self._touched = threading.Lock(), 0
+
+    def add(self, memory: mmap.mmap) -> None:
+        """A file that is shared, so that what was written to its pages is in it."""
+        with self._lock:
+            self._files.add(memory)
+
+    def remove(self, memory: mmap.mmap) -> None:
+        """One whose array is gone: the next one finds its pages where they are."""
+        with self._lock:
+            self._files.discard(memory)
+
+    def touch(self, arrays: Iterable[Any]) -> None:
+        """Arrays that are worked on."""
+        with self._lock:
+            self._touched += sum(a.nbytes for a in arrays if isinstance(a, FileArray))
+            if self._touched < _MAPPED or not hasattr(mmap.mmap, "madvise"):
+                return
+            self._touched = 0
+            for memory in self._files:
+                memory.madvise(mmap.MADV_DONTNEED)
+
+
+PAGES = _MappedPages()
+
+
 class _Rooms:
     """Files that are mapped; those of arrays that are gone are used again.
 
@@ -84,7 +121,12 @@ class _Rooms:
 
     def take(self, size: int) -> mmap.mmap | None:
         """Room for so many bytes, of any content; None where there is none."""
-        size = -(-size // _STEP) * _STEP
+        memory = self._found(-(-size // _STEP) * _STEP)
+        if memory is not None:
+            PAGES.add(memory)
+        return memory
+
+    def _found(self, size: int) -> mmap.mmap | None:
         with suppress(KeyError, IndexError):
             # Last in, first out: its pages are still in memory.
             return self._free[size].pop()
@@ -103,6 +145,7 @@ class _Rooms:
 
     def give(self, memory: mmap.mmap, forks: int) -> None:
         """Takes back the room of an array that is gone."""
+        PAGES.remove(memory)
         if forks == self.forks:
             self._free.setdefault(len(memory), []).append(memory)
             if sum(size * len(kept) for size, kept in [*self._free.items()]) > _FREE:
@@ -153,6 +196,7 @@ class FileArray(np.ndarray[Any, np.dtype[Any]]):
         self, ufunc: np.ufunc, method: str, *inputs: Any, out: Any = None, **options: Any
     ) -> Any:
         """An operation, with room in a file for a large result."""
+        PAGES.touch(inputs)
         given = [_plain(each) for each in inputs]
         if out is not None:
             getattr(ufunc, method)(*given, out=tuple(map(_plain, out)), **options)
@@ -170,6 +214,7 @@ class FileArray(np.ndarray[Any, np.dtype[Any]]):
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
         """A function of NumPy; those that would make large arrays have a version of their own."""
+        PAGES.touch(args)
         own = _OWN.get(func)
         if own is not None:
             return own(*args, **kwargs)
@@ -178,6 +223,7 @@ class FileArray(np.ndarray[Any, np.dtype[Any]]):
     def __getitem__(self, key: Any) -> Any:
         """A part; a large one that a mask or numbers of rows choose is in a file."""
         if isinstance(key, np.ndarray) and key.ndim == self.ndim == 1:
+            PAGES.touch((self, key))
             key = _plain(key)
             if key.dtype == np.bool_ and len(key) == len(self):
                 return self._masked(key)
@@ -186,7 +232,9 @@ class FileArray(np.ndarray[Any, np.dtype[Any]]):
                 for part in blocks(len(key)):
                     made[part] = self.view(np.ndarray)[key[part]]
                 return made
-        return super().__getitem__(key)
+        part = super().__getitem__(key)
+        PAGES.touch((part,))
+        return part
 
     def astype(self, dtype: Any, *rest: Any, **options: Any) -> Any:
         """The values in another type, in a file if they are many."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec_runner.record.file_array import FileArray, empty, unnamed_file
+from taskspec_runner.record.file_array import PAGES, FileArray, empty, unnamed_file
 
 #: Rows of a log that are in memory before they go to a file.
 SPILL_ROWS = 1 << 15
@@ -169,6 +169,7 @@ class ColumnFile:
         """(rows,) each column, not to be written; the file takes no more rows then."""
         size = 8 * ((len(self._names) - 1) * self._room + self._rows)
         memory = mmap.mmap(self._descriptor, size, access=mmap.ACCESS_READ)
+        PAGES.add(memory)
         os.close(self._descriptor)
         self._descriptor = -1
         return {

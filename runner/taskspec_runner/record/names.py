@@ -10,7 +10,7 @@ TASK, LOG = "task.yaml", "log.arrow"
 BLOCK = "log.block"
 SUMMARY, REPORT, CRASH = "summary.json", "report.html", "crash.txt"
 #: What `export` puts beside them.
-EXPORTS = ("log.csv", "log.parquet", "log.mcap", "log.rrd")
+EXPORTS = ("log.csv", "log.parquet", "log.mcap", "log.foxglove.json", "log.rrd")
 #: What is said of all laws of a comparison.
 COMPARISON = "compare.json"
 #: Of a sweep: what is said of it, a row a world as they come, and all of them as a table.

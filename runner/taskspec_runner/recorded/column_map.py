@@ -599,7 +599,7 @@ def _place(name: str, span: Span) -> str:
 
 def schema_text() -> str:
     """The JSON Schema of column maps, as the text of its file."""
-    from taskspec.spec.schema import tidy
+    from taskspec.schema import tidy
 
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

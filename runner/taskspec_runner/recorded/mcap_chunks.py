@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.missing import library
 from taskspec_runner.export.chunks import (
     FOOTER,
     LOG_TIME,
@@ -25,7 +26,6 @@ from taskspec_runner.export.chunks import (
     MESSAGE_HEAD,
     MESSAGE_INDEX,
 )
-from taskspec_runner.export.missing import library
 
 #: Opcodes.
 _SCHEMA, _CHANNEL, _CHUNK, _DATA_END = 0x03, 0x04, 0x06, 0x0F
@@ -83,9 +83,9 @@ class ChunkReader:
             MissingLibraryError: the library mcap is not installed.
         """
         self._file, self._crc = file, 0
-        self._records = library("mcap.records", "MCAP", "mcap")
-        self._stream = library("mcap.data_stream", "MCAP", "mcap").ReadDataStream
-        self._unpacked = library("mcap.stream_reader", "MCAP", "mcap").get_chunk_data_stream
+        self._records = library("mcap.records", "MCAP")
+        self._stream = library("mcap.data_stream", "MCAP").ReadDataStream
+        self._unpacked = library("mcap.stream_reader", "MCAP").get_chunk_data_stream
         self._schemas, self._channels = dict[int, Any](), dict[int, Any]()
 
     def __iter__(self) -> Iterator[ChannelMessages]:

@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.missing import library
 from taskspec.regular_file import open_regular
 from taskspec_runner.errors import InputError
-from taskspec_runner.export.missing import library
 from taskspec_runner.record.file_array import blocks
 from taskspec_runner.record.folder import parse_json
 from taskspec_runner.record.mapped import KeptArrays, gathered
@@ -365,7 +365,7 @@ def _decoder(schema: Any, channel: Any) -> Decoder | None:
         return _json
     if schema is None or schema.encoding not in ("ros2msg", "ros2idl"):
         return None
-    typesys = library("rosbags.typesys", "a log of ROS 2", "mcap")
+    typesys = library("rosbags.typesys", "a log of ROS 2")
     store, text = typesys.get_typestore(typesys.Stores.EMPTY), schema.data.decode()
     package, _, kind = schema.name.replace("/msg/", "/").partition("/")
     name = f"{package}/msg/{kind}"
@@ -385,7 +385,7 @@ def _messages(path: Path) -> Iterator[ChannelMessages]:
     Raises:
         InputError: it is no whole MCAP file.
     """
-    library("mcap.records", "MCAP", "mcap")
+    library("mcap.records", "MCAP")
     try:
         with open_regular(path) as file:
             yield from ChunkReader(file)
@@ -401,7 +401,7 @@ def _messages(path: Path) -> Iterator[ChannelMessages]:
 
 def _metadata(path: Path) -> Mapping[str, str]:
     """What an export says of its run; nothing in a file that cannot tell, or of other origin."""
-    make_reader = library("mcap.reader", "MCAP", "mcap").make_reader
+    make_reader = library("mcap.reader", "MCAP").make_reader
     # The library lets through whatever its decompressors and unpackers raise.
     with suppress(Exception), open_regular(path) as file:
         for record in make_reader(file, validate_crcs=True).iter_metadata():

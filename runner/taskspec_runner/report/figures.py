@@ -57,11 +57,12 @@ def sections(run: Run) -> tuple[Section, ...]:
         contact.add(chart)
     contact.add(_residuals(run))
     motion.add(_mechanisms(run, "angle", "Angle", places=True))
-    motion.add(_mechanisms(run, "travel", "Way along the axis", places=True))
+    motion.add(_mechanisms(run, "travel", "Travel along the axis", places=True))
     motion.add(_pose(run, LINEAR, "Position"))
     motion.add(_errors(run, LINEAR, "Position error"))
     motion.add(_velocity(run))
-    motion.add(_pose(run, ANGULAR, "Orientation"))
+    if not _upright(run):
+        motion.add(_pose(run, ANGULAR, "Orientation"))
     motion.add(_errors(run, ANGULAR, "Orientation error"))
     for chart in _on_joints(run):
         motion.add(chart)
@@ -254,6 +255,14 @@ def _pose(run: Run, axes: Sequence[str], title: str) -> Chart | None:
     note = "counted in the frame of each stage"
     lines = _tracked(run, [f"position.{axis}" for axis in axes])
     return of_signals(run, title.lower(), title, lines, note, places=True)
+
+
+def _upright(run: Run) -> bool:
+    """Whether all orientations are held at zero, so that they are their errors the other way up."""
+    held = [f"position.{axis}" for axis in ANGULAR if run.column(f"position.{axis}") is not None]
+    references = [run.column(f"{name}.ref") for name in held]
+    known = [r for r in references if r is not None and not np.isnan(r).any()]
+    return bool(held) and len(known) == len(held) and max(map(np.ptp, known)) == 0 == size(known)
 
 
 def _errors(run: Run, axes: Sequence[str], title: str) -> Chart | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,7 @@ from taskspec_runner.report import annotated, figures, recorded, tables, to_rest
 from taskspec_runner.report.events import events, fault_spans
 from taskspec_runner.report.overview import overview_svg
 from taskspec_runner.runs import Run
+from taskspec_runner.scene.page import Pictured, arm_figure, pictured
 from taskspec_runner.verdict.judged import SHARE, Judged, Margin
 from taskspec_runner.verdict.outcome import (
     Verdict,
@@ -55,7 +57,6 @@ from taskspec_runner.verdict.outcome import (
     so_far,
     verdict,
 )
-from taskspec_runner.video.still import still_for_report
 
 #: The chart on which a limit is drawn, by its name.
 _LIMITED = {
@@ -65,6 +66,8 @@ _LIMITED = {
     "deviation": "position error",
     "joint_position": "joint positions",
 }
+#: A checksum, and so many of its digits as tell it from others.
+_CHECKSUM, _DIGITS = re.compile(r"[0-9a-f]{64}"), 12
 #: A look shows no more than this share of a run to either side.
 _PART = 0.3
 #: A look at what went wrong shows its stage so far, at least and at most so long before and after
@@ -81,11 +84,11 @@ def write_report(run: Run) -> Path:
     Raises:
         OSError: the folder cannot be written.
     """
-    return write_whole(run.folder / REPORT, render(run, still_for_report(run)))
+    return write_whole(run.folder / REPORT, render(run, pictured(run)))
 
 
-def render(run: Run, still: tuple[str, float] | None = None) -> str:
-    """The page of a run, with a picture of the arm at a run time [s] where there is one."""
+def render(run: Run, arm: Pictured | None = None) -> str:
+    """The page of a run, with the arm where it is pictured."""
     parts = figures.sections(run)
     shown = to_rest.going_on(run, parts)
     charts = [chart for each in shown for chart in each.charts]
@@ -98,12 +101,11 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
     return document(
         f"{title}: {said.kind}",
         head(kind, title, _text(run.summary.get("about")), _outcome(run, said, bool(charts))),
-        *_first(run, time, main, parts),
+        *_first(run, time, main, parts, arm),
         _expectations(run, said),
         _findings(run),
         section("", pairs(_facts(run), "facts")),
         _truth(run),
-        _still(still),
         _stages(run),
         *(_charts(each, main) for each in shown),
         _of_tables("Responses", *tables.responses(run), _about_responses(run),
@@ -112,7 +114,7 @@ def render(run: Run, still: tuple[str, float] | None = None) -> str:
         annotated.annotated_task(run),
         recorded.columns(run),
         data=data if charts else None,
-        scripts=("samples", "plot", "legend", "time"),
+        scripts=("samples", "plot", "legend", "time", "scene"),
         facts=pairs(_flat(recorded.without_paths(run.manifest))),
         remark=density(run, data["samples"]),
     )  # fmt: skip
@@ -138,14 +140,16 @@ def _outcome(run: Run, said: Verdict, drawn: bool) -> Markup:
 
 
 def _first(
-    run: Run, time: Timeline, main: Chart | None, parts: Sequence[Section]
+    run: Run, time: Timeline, main: Chart | None, parts: Sequence[Section], arm: Pictured | None
 ) -> tuple[Markup, ...]:
-    """The chart to see first, below the buttons for the window of all."""
+    """The arm and the chart to see first, below the buttons for the window of all."""
     if main is None:
         text = "The log holds no complete batch of ticks, so there is nothing to draw."
-        return (element("section", note(text)),)
-    place = section("", figure(main), look="charts main")
-    return bar(time.stages(), "Whole run"), patience(Markup(overview_svg(run, parts=parts))), place
+        seen = section("", arm_figure(arm, live=False)) if arm else None
+        return tuple(each for each in (element("section", note(text)), seen) if each)
+    place = [figure(main)] if arm is None else [arm_figure(arm), figure(main)]
+    front = section("", joined(*place), look="charts main front" if arm else "charts main")
+    return bar(time.stages(), "Whole run"), patience(Markup(overview_svg(run, parts=parts))), front
 
 
 def _charts(part: Section, main: Chart | None) -> Markup:
@@ -267,23 +271,6 @@ def _findings(run: Run) -> Markup:
     return section("Oscillation and saturation", found, look="first")
 
 
-def _still(still: tuple[str, float] | None) -> Markup:
-    """A picture of the arm."""
-    if still is None:
-        return Markup("")
-    legend = {"force": "force axes", "motion": "motion axes", "free": "free axes"}
-    axes = Markup(", ").join(element("b", text, class_=look) for look, text in legend.items())
-    text = joined(
-        element("b", "Arrow", class_="applied"), ": the force that the robot applies. Frame: ",
-        axes, ". Pale: ", element("b", "reference", class_="wanted"), "; dark: tool path.",
-    )  # fmt: skip
-    what = f"The arm at {still[1]:.2f} s"
-    picture = element("img", src=still[0], width=1120, height=490,
-                      alt=f"{what}, and its tool from near by")  # fmt: skip
-    caption = element("figcaption", element("p", text, class_="note"))
-    return section(what, element("figure", picture, caption, class_="still"))
-
-
 def _stages(run: Run) -> Markup:
     """The visits of stages as a line and as a table, and what limits took in them."""
     if not run.visits:
@@ -395,17 +382,19 @@ def _truth(run: Run) -> Markup:
 
 
 def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Leaves of nested data as dotted name and text."""
+    """Leaves of nested data as dotted name and text, empty where there is nothing."""
     if isinstance(value, Mapping):
         for key, leaf in value.items():
             yield from _flat(leaf, f"{prefix}.{key}" if prefix else str(key))
     elif isinstance(value, list):
-        yield prefix, ", ".join(map(_text, value)) or "–"
+        yield prefix, ", ".join(map(_text, value))
     else:
-        yield prefix, _text(value) or "–"
+        yield prefix, _text(value)
 
 
 def _text(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
-    return "" if value is None else str(value)
+    text = "" if value is None else str(value)
+    # The whole of a checksum stands in the manifest.
+    return f"{text[:_DIGITS]}…" if _CHECKSUM.fullmatch(text) else text

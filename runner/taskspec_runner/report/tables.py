@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from markupsafe import Markup
@@ -32,6 +33,19 @@ _STATISTICS = ("rms_error", "max_error", "final_error", "mean", "min", "max")
 _WORDS = {"rms_error": "RMS error", "max_error": "peak error"}
 
 
+#: No encoder of a robot has more counts a turn, which are some 0.4 urad, or 0.4 um at 1 m [rad, m].
+RESOLUTION = 2 * math.pi / 2**24
+
+
+def _resolved(value: float | None, unit: str) -> tuple[str, str]:
+    """A place or an angle with its unit; of less than any encoder resolves, no more than that."""
+    text = quantity(value, unit)
+    if value is None or text[0] == "0" or unit not in ("m", "rad") or abs(value) >= RESOLUTION:
+        return text
+    figures, shown = quantity(RESOLUTION, unit, 1)
+    return f"< {figures}", shown
+
+
 def tracking(run: Run) -> Iterator[Markup]:
     """Per stage: statistics as columns, signals as rows, each value in its own scale."""
     for stage, signals in mapping(run.summary.get("metrics")).items():
@@ -40,7 +54,7 @@ def tracking(run: Run) -> Iterator[Markup]:
         seen = {key for values in rows.values() for key in values}
         columns = [key for key in _STATISTICS if key in seen] + sorted(seen - {*_STATISTICS})
         cells = {
-            name: [quantity(number(values.get(key)), _unit(run, name)) for key in columns]
+            name: [_resolved(number(values.get(key)), _unit(run, name)) for key in columns]
             for name, values in rows.items()
         }
         words = [_WORDS.get(key, key.replace("_", " ")) for key in columns]

@@ -52,6 +52,7 @@ class SweepGlimpse:
         good: that succeeded.
         rate: worlds in a second; 0 before the first.
         left: [s]; infinite before the first.
+        folder: of the sweep, with its rows so far.
     """
 
     done: int
@@ -59,6 +60,7 @@ class SweepGlimpse:
     good: int
     rate: float
     left: float
+    folder: SweepFolder
 
 
 Watch = Callable[[SweepGlimpse], None]
@@ -331,7 +333,7 @@ class _Progress:
         done = len(self._folder.rows)
         rate = (done - self._before) / max(time.monotonic() - self._began, 1e-9)
         left = (self._of - done) / rate if rate else math.inf
-        self._watch(SweepGlimpse(done, self._of, self._good, rate, left))
+        self._watch(SweepGlimpse(done, self._of, self._good, rate, left, self._folder))
 
 
 def _ordered(folder: SweepFolder) -> tuple[Row, ...]:

@@ -197,6 +197,12 @@ def worst_worlds(rows: Sequence[Row]) -> dict[str, Row]:
     return found
 
 
+def worst_world(rows: Sequence[Row]) -> Row | None:
+    """Of the worst worlds of all ends that without success, else that with the least margin."""
+    worst = worst_worlds(rows).values()
+    return min(worst, key=lambda row: (bool(row["success"]), _badness(row)), default=None)
+
+
 def _badness(row: Row) -> tuple[float, float, int]:
     margin = row.get("margin")
     return (math.inf if margin is None else margin, row.get("duration", 0.0), row["world"])

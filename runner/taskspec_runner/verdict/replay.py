@@ -183,7 +183,7 @@ class Replay:
         return column
 
     def _place(self, frame: FrameModel) -> Vector:
-        """(n, 3) coordinates of the control point in a frame, as docs/language.md counts."""
+        """(n, 3) coordinates of the control point in a frame, as docs/language/frames.md counts."""
         if frame.still:
             return self._kept("place", frame, lambda: self._still(frame))
         if frame.mechanism is not None:

@@ -23,6 +23,8 @@ _TIP_RADIUS = 0.035
 _VIEW_DISTANCE = 2.5
 #: Share of a picture that what is shown fills.
 _FILL = 0.92
+#: Less than this [m] to either side is not shown.
+_LEAST_HALF = 0.05
 #: Links are about so thick [m].
 _LINK_OFFSETS = 0.07 * np.vstack([np.eye(3), -np.eye(3)])
 #: Of the close view: what it shows around the tool's path [m], how far away it may be [m], and over
@@ -59,35 +61,64 @@ def axes_of(azimuth: float, elevation: float) -> Vector:
     return np.array([right, np.cross(right, forward), -forward])
 
 
-def frame_run(world: RecordedWorld, aspect: float) -> View:
-    """A view of a whole run: of the tool's path, the arm and its base.
+@dataclass(frozen=True, slots=True)
+class Framing:
+    """What a picture is to show, and from where.
 
-    Args:
-        world: with the run.
-        aspect: width over height of the picture.
+    Attributes:
+        azimuth, elevation: of the camera's direction [deg].
+        middle: (3,) of what is shown, in the world [m].
+        half: (3,) half of its extent to the right, upwards and along the view [m].
     """
+
+    azimuth: float
+    elevation: float
+    middle: tuple[float, float, float]
+    half: tuple[float, float, float]
+
+    @classmethod
+    def of(cls, points: Vector, angles: tuple[float, float]) -> Framing:
+        """All points (k, 3) [m], under two angles [deg]."""
+        axes = axes_of(*angles)
+        projected = points @ axes.T
+        low, high = projected.min(axis=0), projected.max(axis=0)
+        x, y, z = ((low + high) / 2 @ axes).tolist()
+        right, up, deep = ((high - low) / 2).tolist()
+        return cls(*angles, (x, y, z), (right, up, deep))
+
+    def view(self, model: mujoco.MjModel, aspect: float) -> View:
+        """The nearest view that has it all in a picture of some width over height."""
+        tangent = np.tan(np.radians(model.vis.global_.fovy) / 2)
+        room = np.array([aspect, 1.0]) * tangent * _FILL
+        half = np.maximum(self.half[:2], _LEAST_HALF)
+        # Points in front of the middle are nearer to the eye, and need more room.
+        distance = float((half / room).max()) + 0.6 * self.half[2]
+        return View(self.azimuth, self.elevation, distance, self.middle)
+
+
+def frame_run(world: RecordedWorld) -> Framing:
+    """A whole run: the tool's path, the arm and its base, from where they are best visible."""
     rows, points, samples = _looked_at(world)
     best = max(
         ((a, e) for e in _ELEVATIONS for a in _AZIMUTHS),
         key=lambda angles: _score(world, rows, points, samples, angles),
     )
-    return fit(world.model, points, (float(best[0]), best[1]), aspect)
+    return Framing.of(points, (float(best[0]), best[1]))
 
 
-def fit(model: mujoco.MjModel, points: Vector, angles: tuple[float, float], aspect: float) -> View:
-    """The nearest view under two angles that has all points (k, 3) in the picture."""
-    axes = axes_of(*angles)
-    projected = points @ axes.T
-    low, high = projected.min(axis=0), projected.max(axis=0)
-    tangent = np.tan(np.radians(model.vis.global_.fovy) / 2)
-    half = np.maximum((high - low) / 2, 0.05)
-    depth = float(high[2] - low[2])
-    room = np.array([aspect, 1.0]) * tangent * _FILL
-    # Points in front of the middle are nearer to the eye, and need more room.
-    distance = float((half[:2] / room).max()) + 0.3 * depth
-    middle = (low + high) / 2
-    x, y, z = (middle @ axes).tolist()
-    return View(angles[0], angles[1], distance, (x, y, z))
+def frame_arm(model: mujoco.MjModel, data: mujoco.MjData, tip_body: int) -> Framing:
+    """An arm as it stands: of a run of which nothing is known yet."""
+    arm = _chain(model, tip_body)
+    points = np.vstack([data.xpos[arm] + offset for offset in _LINK_OFFSETS])
+    return Framing.of(points, (_USUAL_AZIMUTH, _ELEVATIONS[1]))
+
+
+def _chain(model: mujoco.MjModel, tip_body: int) -> list[int]:
+    """Bodies from the tip to the base."""
+    arm = [tip_body]
+    while model.body_parentid[arm[-1]] > 0:
+        arm.append(int(model.body_parentid[arm[-1]]))
+    return arm
 
 
 def seen_from(view: View, azimuth: float, elevation: float, distance: float) -> View:
@@ -140,7 +171,7 @@ def _open_to(world: RecordedWorld, room: Vector, view: View, aspect: float) -> V
     rows = np.unique(np.linspace(0, len(recording) - 1, _CHECKED_ROWS).astype(int))
 
     def fitted(angles: tuple[float, float]) -> View:
-        return fit(model, room, angles, aspect)
+        return Framing.of(room, angles).view(model, aspect)
 
     def visible_share(angles: tuple[float, float]) -> float:
         back = min(fitted(angles).distance, _LARGEST_CLOSE_DISTANCE) * axes_of(*angles)[2]
@@ -173,9 +204,7 @@ def _looked_at(world: RecordedWorld) -> tuple[NDArray[np.int64], Vector, Vector]
     recording, model = world.recording, world.model
     rows = np.unique(np.linspace(0, len(recording) - 1, _FITTED_ROWS).astype(int))
     tip_body = model.body(recording.program.context.robot.tip_body).id
-    arm = [tip_body]
-    while model.body_parentid[arm[-1]] > 0:
-        arm.append(int(model.body_parentid[arm[-1]]))
+    arm = _chain(model, tip_body)
     bodies, samples = [], []
     for row in rows:
         data = world.show(int(row))

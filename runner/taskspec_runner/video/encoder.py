@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 import subprocess
 import threading
 from fractions import Fraction
@@ -12,10 +13,31 @@ from typing import Self
 
 import numpy as np
 
+from taskspec.missing import MissingLibraryError, library
+from taskspec_runner.errors import InputError
 from taskspec_runner.video.canvas import Image
 
 #: Good to look at, and small.
 _QUALITY = ["-crf", "21", "-preset", "medium", "-movflags", "+faststart"]
+
+
+def ffmpeg() -> str:
+    """The program: the one of imageio-ffmpeg, or without that library what the system has.
+
+    Raises:
+        MissingLibraryError: there is neither.
+        InputError: the library has no program for this system.
+    """
+    try:
+        return str(library("imageio_ffmpeg", "a video").get_ffmpeg_exe())
+    except MissingLibraryError:
+        program = shutil.which("ffmpeg")
+        if program is None:
+            raise
+        return program
+    except RuntimeError as error:
+        message = "cannot write a video: there is no ffmpeg; install imageio-ffmpeg, or ffmpeg"
+        raise InputError(f"{message} and name it in IMAGEIO_FFMPEG_EXE") from error
 
 
 class Encoder:
@@ -31,13 +53,12 @@ class Encoder:
 
         Raises:
             OSError: ffmpeg cannot be started.
+            MissingLibraryError: there is none.
         """
-        import imageio_ffmpeg
-
         rate = str(Fraction(fps).limit_denominator())
         source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", rate]
         coder = ["-an", "-vcodec", "libx264", "-pix_fmt", "yuv420p", *_QUALITY]
-        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "warning", *source, "-i", "-"]
+        command = [ffmpeg(), "-y", "-v", "warning", *source, "-i", "-"]
         pipe = subprocess.PIPE
         # In a group of its own, so that Ctrl-C reaches the one who waits for it.
         self._process = subprocess.Popen(

@@ -12,7 +12,7 @@ from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.record.whole import whole
 from taskspec_runner.video.camera import frame_run, seen_from
 from taskspec_runner.video.canvas import Image, new_context
-from taskspec_runner.video.encoder import Encoder
+from taskspec_runner.video.encoder import Encoder, ffmpeg
 from taskspec_runner.video.panel import HEIGHT, WIDTH, SignalPanel
 from taskspec_runner.video.picture import SPLIT, Pictures
 from taskspec_runner.video.recording import Recording
@@ -72,9 +72,10 @@ class Film:
         above = cut.height - below
         view = None
         if cut.camera is not None:
-            view = seen_from(frame_run(world, SPLIT * cut.width / above), *cut.camera)
+            shown = frame_run(world).view(world.model, SPLIT * cut.width / above)
+            view = seen_from(shown, *cut.camera)
         self._panel = SignalPanel(recording, cut.width, below)
-        self._pictures = Pictures(world, cut.width, above, view)
+        self._pictures = Pictures(world, cut.width, above, view, many=True)
 
     def __enter__(self) -> Film:
         return self
@@ -101,19 +102,14 @@ def check_video(path: Path) -> None:
     Raises:
         NoCanvasError: there is nothing to draw with.
         InputError: there is no ffmpeg, or the name is not that of a video.
+        MissingLibraryError: there is nothing that brings ffmpeg.
         OutputError: the file's folder is not there.
     """
-    import imageio_ffmpeg
-
     if path.suffix.lower() not in _SUFFIXES:
         raise InputError(f"{path} is not the name of a video; it ends in {', '.join(_SUFFIXES)}")
     if not path.absolute().parent.is_dir():
         raise OutputError(path, f"there is no folder {path.absolute().parent}")
-    try:
-        imageio_ffmpeg.get_ffmpeg_exe()
-    except RuntimeError as error:
-        message = "cannot write a video: there is no ffmpeg; install imageio-ffmpeg, or ffmpeg"
-        raise InputError(f"{message} and name it in IMAGEIO_FFMPEG_EXE") from error
+    ffmpeg()
     new_context(64, 64).free()
 
 

@@ -12,6 +12,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import TRANSLATIONS, Axis
 from taskspec.program.stages.stage import CompiledStage
 from taskspec_runner.video.equations import equation_surfaces
+from taskspec_runner.video.recording import Recording
 from taskspec_runner.video.world import RecordedWorld
 
 Vector = NDArray[np.float64]
@@ -24,14 +25,14 @@ FREE: Color = (0.55, 0.58, 0.62, 1.0)
 APPLIED: Color = (0.98, 0.66, 0.05, 1.0)
 WANTED: Color = (0.45, 0.70, 0.98, 1.0)
 TRACE: Color = (0.10, 0.13, 0.20, 1.0)
-_SURFACE: Color = (0.35, 0.62, 0.85, 0.22)
-_LINK: Color = (0.80, 0.82, 0.85, 1.0)
+SURFACE: Color = (0.35, 0.62, 0.85, 0.22)
+LINK: Color = (0.80, 0.82, 0.85, 1.0)
 
 #: Of an arrow for the largest force of a run [m]; below this force [N] none is drawn.
 _LONGEST_ARROW, _LEAST_FORCE = 0.16, 0.2
 #: Length and half widths [m].
 _TRIAD, _TRIAD_WIDTH, _ARROW_WIDTH = 0.085, 0.0035, 0.0075
-_WANTED_WIDTH, _TRACE_WIDTH, _LINK_RADIUS = 0.0022, 0.0026, 0.035
+_WANTED_WIDTH, _TRACE_WIDTH, LINK_RADIUS = 0.0022, 0.0026, 0.035
 #: Most pieces of a path; nearer than this [m] two of its points are one; further, a jump.
 _MOST_PIECES, _POINT_SPACING, _JUMP_DISTANCE = 150, 5e-4, 0.03
 _EMISSION = 0.25
@@ -76,26 +77,33 @@ class DrawnPath:
     halves: Vector
 
 
+def arrow_scale(recording: Recording) -> float:
+    """Length of the force arrow [m/N], 0 where a run has no force."""
+    force = np.linalg.norm(recording.force, axis=1)
+    # A short impact should not make everything after it small.
+    largest = float(np.quantile(force, 0.995))
+    return _LONGEST_ARROW / largest if largest > _LEAST_FORCE else 0.0
+
+
 class Marks:
     """The marks of a run, for any of its rows.
 
     Attributes:
         scale: length of the force arrow [m/N], 0 where a run has no force.
+        wanted: the path of the reference.
+        surfaces: those of constraint equations.
     """
 
     def __init__(self, world: RecordedWorld, size: float = 1.0) -> None:
         """Prepares the marks of a world, `size` times as large."""
         self._world, self._size = world, size
         recording = self.recording = world.recording
-        force = np.linalg.norm(recording.force, axis=1)
-        # A short impact should not make everything after it small.
-        largest = float(np.quantile(force, 0.995))
-        self.scale = size * _LONGEST_ARROW / largest if largest > _LEAST_FORCE else 0.0
+        self.scale = size * arrow_scale(recording)
         jumps = [visit.first for visit in recording.visits]
-        self._wanted = _bars(recording.wanted, jumps)
+        self.wanted = _bars(recording.wanted, jumps)
         self._traced = _bars(recording.point, jumps)
         equations = recording.program.context.equations.values()
-        self._surfaces = equation_surfaces(equations, recording.tip)
+        self.surfaces = equation_surfaces(equations, recording.tip)
 
     def arms(self, row: int) -> list[Arm]:
         """The arrows at a row: the frame's axes that are known, and the force."""
@@ -119,19 +127,19 @@ class Marks:
         """Adds equations' surfaces, and links without meshes, to a scene that shows the world."""
         data = self._world.data
         for upper, lower in self._world.links:
-            geom = _new(scene, _LINK)
+            geom = _new(scene, LINK)
             if geom is not None:
                 # It ends where the link does: a rounded end would reach over the tool.
                 kind = mujoco.mjtGeom.mjGEOM_CYLINDER.value
                 ends = data.xpos[upper], data.xpos[lower]
-                mujoco.mjv_connector(geom, kind, _LINK_RADIUS, *ends)
-        for surface in self._surfaces:
+                mujoco.mjv_connector(geom, kind, LINK_RADIUS, *ends)
+        for surface in self.surfaces:
             place = surface.size, surface.center, surface.rotation
-            _new(scene, _SURFACE, surface.kind, *place)
+            _new(scene, SURFACE, surface.kind, *place)
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
         """Adds paths, frame and force at a row."""
-        self._path(scene, self._wanted, _WANTED_WIDTH, WANTED, len(self.recording))
+        self._path(scene, self.wanted, _WANTED_WIDTH, WANTED, len(self.recording))
         self._path(scene, self._traced, _TRACE_WIDTH, TRACE, row)
         for arm in self.arms(row):
             width = _ARROW_WIDTH if arm.kind == "applied" else _TRIAD_WIDTH

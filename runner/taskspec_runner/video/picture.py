@@ -12,6 +12,7 @@ from PIL import ImageDraw
 
 from taskspec_runner.video.camera import View, close_view, frame_run
 from taskspec_runner.video.canvas import Canvas, Image
+from taskspec_runner.video.labels import Labels, Rectangle
 from taskspec_runner.video.lettering import Pen, dark, font
 from taskspec_runner.video.marks import COLORS, Arm, Marks
 from taskspec_runner.video.world import RecordedWorld
@@ -37,9 +38,17 @@ class Pictures:
     """
 
     def __init__(
-        self, world: RecordedWorld, width: int, height: int, view: View | None = None
+        self,
+        world: RecordedWorld,
+        width: int,
+        height: int,
+        view: View | None = None,
+        *,
+        many: bool = False,
     ) -> None:
         """Prepares pictures of a size [px]; a `view` replaces that which is found.
+
+        `many` of them are to be drawn quickly.
 
         Raises:
             NoCanvasError: there is nothing to draw with.
@@ -47,10 +56,10 @@ class Pictures:
         self._world = world
         self._sizes = (round(SPLIT * width) - _GAP, width - round(SPLIT * width))
         self._width, self._height = width, height
-        self.view = view or frame_run(world, self._sizes[0] / height)
+        self.view = view or frame_run(world).view(world.model, self._sizes[0] / height)
         self.close = close_view(world, self.view, self._sizes[1] / height)
         self.marks = Marks(world), Marks(world, _CLOSE_SIZE)
-        self.canvas = Canvas(world.model, max(self._sizes), height)
+        self.canvas = Canvas(world.model, max(self._sizes), height, many=many)
         self._pen = Pen(height / 560)
 
     def close_canvas(self) -> None:
@@ -85,23 +94,28 @@ class Pictures:
         drawn = Images.fromarray(picture)
         pen = ImageDraw.Draw(drawn)
         ends = [project(scene, np.array([arm.start, arm.end]), drawn.size) for arm in arms]
-        for arm, (start, end) in zip(arms, ends, strict=True):
+        labels = Labels(Rectangle(0.0, 0.0, *map(float, drawn.size)))
+        # That of the force comes first: it has the least choice.
+        for arm, (start, end) in sorted(
+            zip(arms, ends, strict=True), key=lambda each: each[0].kind != "applied"
+        ):
             if not np.isfinite([start, end]).all():
                 continue
-            direction = (end - start) / max(float(np.linalg.norm(end - start)), 1.0)
             big = arm.kind == "applied"
-            at = end + self._pen(11) * direction
-            if big:
-                # On the side of the arrow that has fewer of the frame's axes.
-                across = np.array([-direction[1], direction[0]])
-                axes = sum((e[1] - e[0] for e in ends[:-1]), np.zeros(2))
-                side = -1.0 if float(axes @ across) > 0 else 1.0
-                shift = np.array([32.0, 15.0]) * self._pen.scale
-                at = (start + 2 * end) / 3 + side * across * shift
+            size = self._pen(19 if big else 16)
+            along = end - start
+            # On the side of the arrow that has fewer of the frame's axes.
+            axes = sum((e[1] - e[0] for e in ends[:-1]), np.zeros(2))
+            across = np.array([-along[1], along[0]])
+            across *= -1.0 if float(axes @ across) > 0 else 1.0
+            place = (start + 2 * end) / 3 if big else end
+            at = labels.place(place, arm.name, size, across if big else along)
+            if at is None:
+                continue
             pen.text(
                 tuple(at.tolist()),
                 arm.name,
-                font=font(self._pen(19 if big else 16)),
+                font=font(size),
                 fill=dark(COLORS[arm.kind]),
                 anchor="mm",
                 stroke_width=max(1, self._pen(2.2)),
@@ -112,8 +126,12 @@ class Pictures:
 
 def _shining(solid: Image, marked: Image) -> Image:
     """A picture through which hidden marks shine; `marked` has them alone, on black."""
-    share = np.minimum(marked.max(axis=2).astype(np.float32) / 90.0, 1.0)[:, :, None] * _SHINE
-    return np.asarray(solid * (1 - share) + marked * share + 0.5, dtype=np.uint8)
+    light = np.maximum(np.maximum(marked[..., 0], marked[..., 1]), marked[..., 2])
+    at = np.nonzero(light)
+    share = np.minimum(light[at].astype(np.float32) / 90.0, 1.0)[:, None] * _SHINE
+    picture = solid.copy()
+    picture[at] = (solid[at] * (1 - share) + marked[at] * share + 0.5).astype(np.uint8)
+    return picture
 
 
 def project(scene: mujoco.MjvScene, points: Vector, size: tuple[int, int]) -> Vector:

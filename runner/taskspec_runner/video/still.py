@@ -8,7 +8,6 @@ import io
 from PIL import Image as Images
 
 from taskspec_runner.runs import Run
-from taskspec_runner.video.canvas import backends
 from taskspec_runner.video.picture import Pictures
 from taskspec_runner.video.recording import Recording, steadiest_contact
 from taskspec_runner.video.world import RecordedWorld
@@ -31,12 +30,13 @@ def render_still(run: Run, clock: float | None = None, size: tuple[int, int] = S
         NoCanvasError: there is nothing to draw with.
         InputError: the run has nothing that can be drawn.
     """
-    return _png(Recording.of(run), clock, size)
-
-
-def _png(recording: Recording, clock: float | None, size: tuple[int, int]) -> bytes:
+    recording = Recording.of(run)
     row = steadiest_contact(recording) if clock is None else recording.row(clock)
-    pictures = Pictures(RecordedWorld(recording), *size)
+    return _png(RecordedWorld(recording), row, size)
+
+
+def _png(world: RecordedWorld, row: int, size: tuple[int, int]) -> bytes:
+    pictures = Pictures(world, *size)
     try:
         drawn = pictures.draw(row)
     finally:
@@ -48,17 +48,13 @@ def _png(recording: Recording, clock: float | None, size: tuple[int, int]) -> by
     return file.getvalue()
 
 
-def still_for_report(run: Run) -> tuple[str, float] | None:
-    """The picture as a `data:` address with its run time [s]; None where none can be drawn."""
-    if not backends():
-        return None
-    try:
-        recording = Recording.of(run)
-        clock = float(recording.clock[steadiest_contact(recording)])
-        png = _png(recording, clock, SIZE)
-    # Whatever keeps it from being drawn: a report without a picture is still a report.
-    except Exception:
-        return None
+def still_of(world: RecordedWorld, clock: float) -> str:
+    """A picture of a run at a time [s] as a `data:` address; empty where it is too large.
+
+    Raises:
+        NoCanvasError: there is nothing to draw with.
+    """
+    png = _png(world, world.recording.row(clock), SIZE)
     if len(png) > MOST_BYTES:
-        return None
-    return f"data:image/png;base64,{base64.b64encode(png).decode()}", clock
+        return ""
+    return f"data:image/png;base64,{base64.b64encode(png).decode()}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import platform
 import time
 from collections.abc import Iterator
@@ -12,6 +11,7 @@ from typing import Any
 import mujoco
 
 from taskspec_runner.errors import InputError
+from taskspec_runner.headless import has_screen
 from taskspec_runner.video.camera import frame_run, seen_from
 from taskspec_runner.video.film import Clip
 from taskspec_runner.video.marks import Marks
@@ -32,11 +32,10 @@ def check_display() -> None:
     Raises:
         InputError: there is no screen; the message says what to do.
     """
-    has_screen = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
-    if platform.system() == "Linux" and not has_screen:
+    if not has_screen():
         raise InputError(
             "cannot open a window: there is no screen (neither DISPLAY nor WAYLAND_DISPLAY is "
-            "set); taskspec replay RUN --video out.mp4 needs none"
+            "set); taskspec replay RUN --web serves a page, --video out.mp4 writes a film"
         )
 
 
@@ -99,7 +98,7 @@ class Show:
 
     def camera(self) -> mujoco.MjvCamera:
         """The camera at first."""
-        found = frame_run(self.world, _ASPECT)
+        found = frame_run(self.world).view(self.world.model, _ASPECT)
         if self._cut.camera is not None:
             found = seen_from(found, *self._cut.camera)
         return found.camera()

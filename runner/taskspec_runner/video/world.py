@@ -2,73 +2,75 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.world.frames import surface
+from taskspec.program.program import Program
 from taskspec.program.world.holding import truly_holding
-from taskspec.spec import Shape, Task
+from taskspec.spec import Task
 from taskspec_runner.plant.arm import SceneArm
+from taskspec_runner.plant.looks import settle
 from taskspec_runner.plant.loose import loose
 from taskspec_runner.plant.mechanisms import coordinate_joint
 from taskspec_runner.plant.moving_base import MovingBases, moving
 from taskspec_runner.plant.names import PREFIX
 from taskspec_runner.plant.plant import Plant
 from taskspec_runner.plant.scene import build_scene
-from taskspec_runner.plant.shapes import visible_name
 from taskspec_runner.video.recording import Recording
 
 Vector = NDArray[np.float64]
 
-#: What is drawn of an endless shape goes beyond the tool's path over it by this much [m].
-_MARGIN = 0.14
 #: Samples that multisampling takes of a pixel.
 _SAMPLES = 4
 #: Edge of the map of the shadows [px].
 _SHADOW = 2048
 
 
-class RecordedWorld:
-    """The robot in its world.
+class DrawnWorld:
+    """The robot in its world as it is drawn, in any state.
 
     Attributes:
-        recording: of the run.
         model, data: MuJoCo's, as far as pictures need them.
         links: pairs of bodies of the arm between which nothing is drawn by the robot's file.
     """
 
-    def __init__(self, recording: Recording) -> None:
-        self.recording = recording
-        context = recording.program.context
-        task = recording.true
-        start = truly_holding(context, task)
-        scene = build_scene(SceneArm(context.robot, task.robot, start), task, drawn=True)
+    def __init__(self, program: Program, true: Task) -> None:
+        """The world of a program's plant, which is that of a task."""
+        context = program.context
+        start = truly_holding(context, true)
+        scene = build_scene(SceneArm(context.robot, true.robot, start), true, drawn=True)
         model = scene.model
         self.model, self.data = model, mujoco.MjData(model)
         model.vis.quality.offsamples = _SAMPLES
         model.vis.quality.shadowsize = _SHADOW
-        for name, shape in task.shapes.items():
-            self._show_endless(name, shape)
         self.links = bare_links(model, context.robot.tip_body)
+        self._task = true
         self._joints = scene.arm.places(model).positions
         self._coupling = context.robot.coupling
-        self._moving_bases = MovingBases(model, self.data, task) if moving(task) else None
-        self._coordinates = _coordinates(model, task, recording)
-        self._loose_at = np.array(
-            [int(model.joint(PREFIX + name).qposadr[0]) for name in loose(task)], dtype=int
-        )
-        self._loose = _loose_poses(recording) if len(self._loose_at) else np.zeros((0, 0))
+        self._moving_bases = MovingBases(model, self.data, true) if moving(true) else None
+        self._coordinates = _coordinate_places(model, true)
+        self._loose_at = [int(model.joint(PREFIX + name).qposadr[0]) for name in loose(true)]
 
-    def show(self, row: int) -> mujoco.MjData:
-        """Puts everything where it was at a row of the log."""
-        data, recording = self.data, self.recording
-        data.time = float(recording.clock[row])
-        data.qpos[self._joints] = self._coupling.joints(recording.q[row])
-        for at, values in self._coordinates:
-            data.qpos[at] = values[row]
+    def put(
+        self, clock: float, q: Vector, coordinates: Sequence[float], loose: Vector
+    ) -> mujoco.MjData:
+        """Puts everything where it is.
+
+        Args:
+            clock: run time, by which bases move [s].
+            q: (joints,) of the arm [rad or m].
+            coordinates: of mechanisms, each as `coordinate_signals` names it [rad or m].
+            loose: (7 bodies,) position [m] and quaternion of each loose body.
+        """
+        data = self.data
+        data.time = clock
+        data.qpos[self._joints] = self._coupling.joints(q)
+        data.qpos[self._coordinates] = coordinates
         for i, at in enumerate(self._loose_at):
-            data.qpos[at : at + 7] = self._loose[row, 7 * i : 7 * i + 7]
+            data.qpos[at : at + 7] = loose[7 * i : 7 * i + 7]
         if self._moving_bases is not None:
             self._moving_bases.drive()
         mujoco.mj_kinematics(self.model, data)
@@ -76,20 +78,39 @@ class RecordedWorld:
         mujoco.mj_camlight(self.model, data)
         return data
 
-    def _show_endless(self, name: str, shape: Shape) -> None:
-        """Draws a shape that is endless where the tool goes over it."""
-        solid = surface(shape)
-        R, origin = solid.rotation, solid.origin
-        over = (self.recording.tip - origin) @ R
-        low, high = over.min(axis=0) - _MARGIN, over.max(axis=0) + _MARGIN
-        visible = solid.visible_geom((high + low) / 2, (high - low)[:2] / 2)
-        if visible is None or visible.corners is not None:
-            return
-        geom, center = self.model.geom(visible_name(name)).id, np.array(visible.center)
-        place = center if shape.motion is not None else origin + R @ center
-        self.model.geom_size[geom] = visible.size
-        self.model.geom_pos[geom] = place
-        self.model.geom_rbound[geom] = float(np.linalg.norm(visible.size))
+    def settle(self, tip: Vector) -> None:
+        """Draws what is endless where the tool goes over it, and stands; see `looks.settle`.
+
+        Args:
+            tip: (n, 3) the tool's path in the world [m].
+        """
+        settle(self.model, self.data, self._task, tip)
+
+
+class RecordedWorld(DrawnWorld):
+    """The robot in its world at any row of a recorded run.
+
+    Attributes:
+        recording: of the run.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        super().__init__(recording.program, recording.true)
+        self.recording = recording
+        columns = recording.history.columns
+        self._columns = [columns[name] for name in coordinate_signals(recording.true)]
+        some = bool(loose(recording.true))
+        self._loose = _loose_poses(recording) if some else np.zeros((len(recording), 0))
+        self.show(0)
+        self.settle(recording.tip)
+
+    def show(self, row: int) -> mujoco.MjData:
+        """Puts everything where it was at a row of the log."""
+        recording = self.recording
+        coordinates = [float(column[row]) for column in self._columns]
+        return self.put(
+            float(recording.clock[row]), recording.q[row], coordinates, self._loose[row]
+        )
 
 
 def bare_links(model: mujoco.MjModel, tip_body: str) -> tuple[tuple[int, int], ...]:
@@ -109,18 +130,27 @@ def bare_links(model: mujoco.MjModel, tip_body: str) -> tuple[tuple[int, int], .
     return tuple(found)
 
 
-def _coordinates(
-    model: mujoco.MjModel, task: Task, recording: Recording
-) -> list[tuple[int, Vector]]:
-    """Of every mechanism's joint: its place in qpos, and its position at every row."""
-    columns, found = recording.history.columns, []
+def coordinate_signals(task: Task) -> list[str]:
+    """The columns of a log that place what is on mechanisms, in the order of `DrawnWorld.put`.
+
+    A screw is placed by two: it turns and it travels.
+    """
+    found = []
     for name, declared in task.mechanisms.items():
-        joint = coordinate_joint(name, declared)
-        signal = "angle" if declared.angular else "travel"
-        found.append((int(model.joint(joint).qposadr[0]), columns[f"{name}.{signal}"]))
+        found.append(f"{name}.{'angle' if declared.angular else 'travel'}")
         if declared.mechanism == "screw":
-            shift = model.joint(f"{PREFIX}{name}/shift")
-            found.append((int(shift.qposadr[0]), columns[f"{name}.travel"]))
+            found.append(f"{name}.travel")
+    return found
+
+
+def _coordinate_places(model: mujoco.MjModel, task: Task) -> list[int]:
+    """Their places in `qpos`."""
+    found = []
+    for name, declared in task.mechanisms.items():
+        joints = [coordinate_joint(name, declared)]
+        if declared.mechanism == "screw":
+            joints.append(f"{PREFIX}{name}/shift")
+        found += [int(model.joint(joint).qposadr[0]) for joint in joints]
     return found
 
 

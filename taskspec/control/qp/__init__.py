@@ -1,6 +1,6 @@
 """Dense quadratic programs, one per tick, behind one small interface with two solvers."""
 
-from taskspec.control.qp.make import SOLVERS, make_solver
+from taskspec.control.qp.make import SOLVERS, check_solver, make_solver
 from taskspec.control.qp.quadratic_program import (
     QuadraticProgram,
     Solution,
@@ -9,4 +9,13 @@ from taskspec.control.qp.quadratic_program import (
     residual,
 )
 
-__all__ = ["SOLVERS", "QuadraticProgram", "Solution", "Solver", "Status", "make_solver", "residual"]
+__all__ = [
+    "SOLVERS",
+    "QuadraticProgram",
+    "Solution",
+    "Solver",
+    "Status",
+    "check_solver",
+    "make_solver",
+    "residual",
+]

@@ -13,9 +13,8 @@ from taskspec.deferred_methods import dataclass
 
 Rows = NDArray[np.intp]
 
-# Rows are scaled to unit length, so both are lengths in the space of x over its own unit.
+# Rows are scaled to unit length, so it is a length in the space of x over its own unit.
 _NULL = 1e-7
-_SMALLEST_WEIGHT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +39,9 @@ def contradiction(
 ) -> Certificate | None:
     """Rows of lower <= Ax <= upper that no x satisfies together, None when some x does.
 
-    OSQP's certificate of primal infeasibility names candidates. DAQP then tries, row by row, what
-    is infeasible still without it; the rest is minimal, so its multipliers are the null space of
-    A' restricted to it, which is one-dimensional and known to rounding.
+    DAQP tries, row by row, what is infeasible still without it; the rest is minimal, so its
+    multipliers are the null space of A' restricted to it, which is one-dimensional and known to
+    rounding.
 
     Args:
         A: (m, n).
@@ -63,30 +62,11 @@ def contradiction(
     named: Rows = np.arange(len(rows))
     if not _infeasible(rows, low, high, named):
         return None
-    named = _candidates(rows, low, high, np.array(given, dtype=np.intp))
-    for candidate in named.tolist():
+    for candidate in (*np.setdiff1d(named, given).tolist(), *given):
         rest = named[named != candidate]
         if _infeasible(rows, low, high, rest):
             named = rest
     return _verified(A, lower, upper, np.sort(named))
-
-
-def _candidates(A: Array, lower: Array, upper: Array, given: Rows) -> Rows:
-    """Rows in OSQP's certificate, lightest first, then those given.
-
-    All rows, when it finds none or they are not enough.
-    """
-    # Imported here: most systems can be met, and osqp takes a while to load.
-    from taskspec.control.qp.osqp import OsqpSolver
-
-    m, n = A.shape
-    problem = QuadraticProgram(np.eye(n), np.zeros(n), A, lower, upper)
-    y = OsqpSolver(n, m).certificate(problem)
-    weights = np.zeros(m) if y is None else np.abs(y)
-    order: Rows = np.argsort(weights, kind="stable")
-    order = np.concatenate([order[~np.isin(order, given)], given])
-    named = order[(weights[order] > _SMALLEST_WEIGHT * np.max(weights)) | np.isin(order, given)]
-    return named if _infeasible(A, lower, upper, named) else order
 
 
 def feasible(A: Array, lower: Array, upper: Array) -> bool:

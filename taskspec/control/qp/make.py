@@ -3,8 +3,19 @@
 from __future__ import annotations
 
 from taskspec.control.qp.quadratic_program import Solver
+from taskspec.missing import require
 
 SOLVERS = ("daqp", "osqp")
+
+
+def check_solver(name: str) -> None:
+    """Finds out whether a solver can be made.
+
+    Raises:
+        MissingLibraryError: its library is not installed.
+    """
+    if name == "osqp":
+        require("osqp", "solver: osqp", "scipy")
 
 
 def make_solver(name: str, n: int, m: int) -> Solver:

@@ -1,4 +1,4 @@
-"""OSQP: an operator-splitting method; the second opinion, and the one with certificates."""
+"""OSQP: an operator-splitting method; the second opinion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import osqp
 import scipy.sparse as sp
 
 from taskspec.control.qp.quadratic_program import (
-    Array,
     QuadraticProgram,
     Solution,
     Status,
@@ -89,20 +88,6 @@ class OsqpSolver:
         # An infeasible problem leaves iterates near 1e9 to start from.
         self._solver = None
         return Solution(*self._nothing, status, result.info.iter)
-
-    def certificate(self, problem: QuadraticProgram) -> Array | None:
-        """Multipliers y (m,) that prove the problem infeasible, None unless OSQP finds them.
-
-        A'y = 0 and upper'y+ + lower'y- < 0, to the tolerance `eps_prim_inf`.
-        """
-        if not problem.is_finite() or _contradicts_itself(problem) or not self._load(problem):
-            return None
-        assert self._solver is not None
-        result = self._solver.solve(raise_error=False)
-        self._solver = None
-        if self._status.get(result.info.status_val) is not Status.INFEASIBLE:
-            return None
-        return np.array(result.prim_inf_cert, dtype=np.float64)
 
     def _load(self, problem: QuadraticProgram) -> bool:
         """Hands the data over; False when OSQP refuses them, such as an indefinite P."""

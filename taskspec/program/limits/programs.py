@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 import numpy as np
 
+from taskspec.control.qp import check_solver
 from taskspec.geometry.axis import Axis
 from taskspec.program import signals
 from taskspec.program.context import Context
@@ -87,6 +88,7 @@ def resolve(
         v=inputs.v,
         environment=_environment(context, measurement),
     )
+    check_solver(plan.law.solver)
     generators = _generators(plan, measurement, requests, axes, objects, on_equations)
     nearest = consistency(context, limits, requests, generators, measurement.world.gravity)
     rate = np.inf if limits.torque_rate is None else limits.torque_rate

@@ -1,6 +1,6 @@
 """The tool in its frame's coordinates.
 
-Kinds of frames count translations differently (docs/language.md):
+Kinds of frames count translations differently (docs/language/frames.md):
 
 * fixed: the coordinate of the control point;
 * turning with a handle: off its circle, along it from the stage's start, and along the axis;

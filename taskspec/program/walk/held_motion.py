@@ -120,8 +120,8 @@ def _rate(stage: StagePlan, axis: Axis) -> float | None:
 def resolved_twists(stage: StagePlan, tip: Vector, rotation: Vector) -> Vector:
     """(6, k) T of the held mechanism at the control point, in the axes of a stage's frame.
 
-    A frame that turns with the handle turns held and commanded axes along, (docs/language.md);
-    `hold: world` does not.
+    A frame that turns with the handle turns held and commanded axes along
+    (docs/language/frames.md); `hold: world` does not.
 
     Args:
         stage: the stage.

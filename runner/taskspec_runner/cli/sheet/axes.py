@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 
 from taskspec.deferred_methods import dataclass
 from taskspec.explain import Natural, State
+from taskspec.explain.artificial import artificial, force_symbol, rate_symbol, turns
 from taskspec.geometry.axis import Axis
 from taskspec.program.program import Program
 from taskspec.program.reference.axis_plan import AxisPlan
@@ -36,7 +37,7 @@ def axis_row(program: Program, stage: CompiledStage, world: Natural) -> AxisRow:
     """One axis of a stage's frame, and what the world imposes there."""
     axis, plan = world.axis, stage.plan.plans[world.axis]
     by = ", ".join([_enforcer(stage, plan, world), *_remarks(stage, plan, world)])
-    return AxisRow(axis, _natural(program, world), _artificial(stage, axis, plan), by)
+    return AxisRow(axis, _natural(program, world), artificial(stage.plan, axis), by)
 
 
 def equation_row(program: Program, stage: CompiledStage, name: str) -> AxisRow:
@@ -71,31 +72,23 @@ def _set_point(point: SetPoint | None) -> str:
     return str(point.wanted)
 
 
-def _velocity(axis: Axis) -> str:
-    return f"w_{axis[1:]}" if axis.is_rotation else f"v_{axis}"
-
-
-def _force(axis: Axis) -> str:
-    return f"m_{axis[1:]}" if axis.is_rotation else f"f_{axis}"
-
-
 def _natural(program: Program, world: Natural) -> str:
     screw = isinstance(program.context.loaded.task.world.get(world.by), Screw)
     if world.decides == "force":
         return _natural_force(program, world, screw)
-    own = _velocity(world.axis)
-    total = _sum(world, _velocity, screw) or "0"
+    own = rate_symbol(world.axis)
+    total = _sum(world, rate_symbol, screw) or "0"
     if world.pushes and world.state is State.MAYBE:
         return f"{own} {'>=' if world.pushes > 0 else '<='} {total} ({world.by})"
     if world.state is State.MET:
-        return f"{_force(world.axis)} = 0, then {own} = {total} ({world.by})"
+        return f"{force_symbol(world.axis)} = 0, then {own} = {total} ({world.by})"
     here = ", where it begins" if world.turns else ""
     return f"{own} = {total} ({world.by}{', pushes only' if world.pushes else ''}{here})"
 
 
 def _natural_force(program: Program, world: Natural, screw: bool) -> str:
-    own, total = _force(world.axis), _sum(world, _force, screw)
-    rubs = f"{world.friction:.3g} |{_force(Axis(world.against))}|" if world.friction else ""
+    own, total = force_symbol(world.axis), _sum(world, force_symbol, screw)
+    rubs = f"{world.friction:.3g} |{force_symbol(Axis(world.against))}|" if world.friction else ""
     if rubs and not total:
         return f"|{own}| <= {rubs} ({world.by})"
     if world.effort:
@@ -116,7 +109,7 @@ def _sum(world: Natural, name: Callable[[Axis], str], screw: bool) -> str:
     text = ""
     for axis, factor in world.terms:
         lever = int(axis.is_rotation) - turns
-        lever = lever if name is _velocity else -lever
+        lever = lever if name is rate_symbol else -lever
         pitch = screw and {axis, world.axis} == {axis[-1], f"r{axis[-1]}"}
         term = _product(name(axis), factor, lever, pitch=pitch)
         text = term if not text else text + _signed(term)
@@ -140,26 +133,10 @@ def _product(symbol: str, factor: float, lever: int, *, pitch: bool = False) -> 
     return f"{sign}{symbol}" if rounded == "1" else f"{sign}{rounded} {symbol}"
 
 
-def _artificial(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> str:
-    parts = []
-    if plan.motion:
-        parts.append(plan.mode.constraint(axis, _velocity(axis), turns=_turns(stage)))
-    if plan.axis.set_point is not None:
-        parts.append(plan.axis.set_point.constraint(_force(axis)))
-    return "; ".join(part for part in parts if part)
-
-
-def _turns(stage: CompiledStage) -> bool:
-    """Whether the stage's frame turns as the tool moves."""
-    frame = stage.plan.frame
-    curved = frame.surface is not None and not frame.surface.flat
-    return frame.mechanism is not None or curved
-
-
 def _turns_along(stage: CompiledStage, axis: Axis, plan: AxisPlan) -> bool:
     """Whether a rotation is held in a frame that turns as the tool moves."""
     held = not plan.mode.moves and axis.is_rotation and not plan.world
-    return held and _turns(stage)
+    return held and turns(stage.plan)
 
 
 def _enforcer(stage: CompiledStage, plan: AxisPlan, world: Natural) -> str:

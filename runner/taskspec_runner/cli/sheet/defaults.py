@@ -1,4 +1,4 @@
-"""Defaults that a task has taken, because its file does not say otherwise (language.md 7)."""
+"""Defaults that a task takes where its file says nothing (docs/language/defaults.md)."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ function drawAll() { for (const chart of charts) chart.draw(); }
 let wait = 0;
 addEventListener("resize", () => { clearTimeout(wait); wait = setTimeout(drawAll, 80); });
 matchMedia("print").addEventListener("change", drawAll);
-const shut = [...document.querySelectorAll("details:not([open])")];
+const shut = [...document.querySelectorAll("details:not([open], .screen)")];
 for (const [event, open] of [["beforeprint", true], ["afterprint", false]]) {
   addEventListener(event, () => { for (const d of shut) d.open = open; drawAll(); });
 }

@@ -22,13 +22,15 @@ function legend(plot) {
     list.append(item);
   }
   if (plot.traces.some((t) => t.reference_of)) entry(list, "", "wide and pale: the reference, (in brackets)");
-  for (const band of distinct(plot.bands, (b) => b.text)) {
+  const [low, high] = plot.range(), within = (v) => v !== null && plot.upright(v) >= low && plot.upright(v) <= high;
+  const about = (b) => b.low !== null && b.high !== null && plot.upright(b.low) < low && plot.upright(b.high) > high;
+  for (const band of distinct(plot.bands.filter((b) => within(b.low) || within(b.high) || about(b)), (b) => b.text)) {
     const kind = judged(band), missed = kind === "bad" ? ", missed" : "";
     const drawn = kind === "bad" ? `<path class="band bad" d="M0 0H24V5H0Z"/><path class="edge bad" d="M0 5H24"/>`
       : `<path class="band ${kind}" d="M0 .5H24V9.5H0Z"/><path class="edge ${kind}" d="M0 .5H24M0 9.5H24"/>`;
     entry(list, drawn, band.text + missed);
   }
-  for (const level of distinct(plot.levels, (b) => b.text)) entry(list, `<path class="level ${level.kind} ${level.look}" d="M0 5H24"/>`, level.text);
+  for (const level of distinct(plot.levels.filter((b) => within(b.value)), (b) => b.text)) entry(list, `<path class="level ${level.kind} ${level.look}" d="M0 5H24"/>`, level.text);
   for (const each of distinct(run.events, (e) => e.kind)) entry(list, `<path class="upright ${each.kind}" d="M12 0V10"/>`, UPRIGHTS[each.kind]);
 }
 

@@ -161,13 +161,12 @@ class Plot extends Chart {
     const put = (text, kind, places) => {
       const letter = /bad|stop|broken/.test(kind) ? BOLD : LETTER;
       for (const { x, y, to } of places) {
-        const room = to === "end" ? x - LEFT - 4 : right - x - 4, letters = Math.floor(room / letter);
-        if (letters < Math.min(text.length, 12)) continue;
-        const shown = text.length > letters ? `${text.slice(0, letters - 1)}…` : text;
-        const long = letter * shown.length, box = [to === "end" ? x - long : x, y - 10, to === "end" ? x : x + long, y + 3];
+        const room = to === "end" ? x - LEFT - 4 : right - x - 4, long = letter * text.length;
+        if (long > room) continue;
+        const box = [to === "end" ? x - long : x, y - 10, to === "end" ? x : x + long, y + 3];
         if (box[1] < this.top || box[3] > this.foot || taken.some((t) => box[0] < t[2] && box[2] > t[0] && box[1] < t[3] && box[3] > t[1])) continue;
         taken.push(box);
-        return `<text class="name ${kind}${to === "end" ? " end" : ""}" x="${px(x)}" y="${px(y)}">${escaped(shown)}</text>`;
+        return `<text class="name ${kind}${to === "end" ? " end" : ""}" x="${px(x)}" y="${px(y)}">${escaped(text)}</text>`;
       }
       return "";
     };
@@ -183,7 +182,9 @@ class Plot extends Chart {
     for (const e of this.inSight()) {
       if (e.kind === "event") continue;
       const text = e.kind === "broken" && this.holds(e.of) ? e.text : e.short ?? e.text;
-      drawn += put(text, e.kind, beside(this.column(e.at)));
+      const places = beside(this.column(e.at));
+      // Of an event for which there is no room, its time and what it is are enough.
+      drawn += put(text, e.kind, places) || put(text.split(", ")[0], e.kind, places);
     }
     const seen = new Set();
     const first = (key) => !seen.has(key) && seen.add(key);
@@ -219,7 +220,7 @@ class Plot extends Chart {
   /** Puts the cursor at a time, and the set ones at theirs; null takes one away. */
   point(time, pins) {
     [time, ...pins].forEach((at, i) => {
-      const inside = at !== null && at >= view[0] && at <= view[1];
+      const inside = this.inner && at !== null && at >= view[0] && at <= view[1];
       this.cursors[i].style.display = inside ? "block" : "none";
       if (inside) this.cursors[i].style.left = `${this.column(at)}px`;
     });

@@ -105,6 +105,9 @@ class Scatter extends Chart {
 
 /* ---- success over two parameters ---- */
 
+/** How a cell is filled in which all worlds succeed, or none. */
+const swatchOf = (share) => `<path class="cell ${share ? "good" : "bad"}" d="M4 .5H20V9.5H4Z"/>`;
+
 /** Pieces of a column: a piece for each value where there are few, else so many of the same width. */
 function pieces(column, most) {
   const values = [...new Set(column.values)].filter(Number.isFinite).sort((a, b) => a - b);
@@ -120,7 +123,10 @@ function pieces(column, most) {
 
 class SuccessMap extends Chart {
   constructor(figure) {
-    super(figure);
+    super(figure, 22, BOTTOM + 18);
+    entry(this.list, swatchOf(1), "all succeed");
+    entry(this.list, swatchOf(0), "none succeeds");
+    entry(this.list, `<path class="cell none" d="M4 .5H20V9.5H4Z"/>`, "no world");
     this.choices = Object.fromEntries([...document.querySelectorAll("[data-axis]")].map((s) => [s.dataset.axis, s]));
     for (const s of Object.values(this.choices)) s.addEventListener("change", () => this.draw());
     this.box.removeAttribute("tabindex");
@@ -142,7 +148,7 @@ class SuccessMap extends Chart {
     this.y = [0, b.count];
     Object.assign(this, { a, b, good, all });
     const named = (c) => `${c.label}${c.unit && ` [${c.unit}]`}`;
-    this.figure.querySelector(".note").textContent = `over ${named(across)} and, upwards, ${named(up)}`;
+    this.ends = [across, up].map(named);
     this.name(` over ${across.label} and ${up.label}`);
   }
 
@@ -152,7 +158,9 @@ class SuccessMap extends Chart {
     all.forEach((n, cell) => {
       const x = LEFT + (cell % a.count) * width, y = this.row(Math.floor(cell / a.count) + 1), share = n ? good[cell] / n : 0;
       const box = `x="${px(x)}" y="${px(y)}" width="${px(width)}" height="${px(height)}"`;
-      drawn += `<rect ${box} class="cell${n ? "" : " none"}"${n ? ` fill-opacity="${(0.06 + 0.69 * share).toFixed(3)}"` : ""}><title>${good[cell]} of ${n} worlds succeed</title></rect>`;
+      const kinds = n ? [["good", share], ["bad", 1 - share]] : [["none", 1]];
+      drawn += kinds.map(([kind, part]) => `<rect ${box} class="cell ${kind}" opacity="${part.toFixed(3)}"/>`).join("");
+      drawn += `<rect ${box} class="cell over"><title>${good[cell]} of ${n} worlds succeed</title></rect>`;
       if (!n) return;
       const middle = px(x + width / 2), below = height > 36 && width > 44;
       drawn += `<text class="percent" x="${middle}" y="${px(y + height / 2 + (below ? 0 : 4))}">${Math.round(100 * share)}</text>`;
@@ -161,9 +169,20 @@ class SuccessMap extends Chart {
     return drawn;
   }
 
+  /** The names of both axes, at their ends. */
+  beside() {
+    const [across, up] = this.ends.map(escaped);
+    return `<text x="2" y="13">${up}</text><text class="end" x="${px(this.width - RIGHT)}" y="${px(this.foot + 38)}">${across}</text>`;
+  }
+
   marksUp() { return this.b.marks; }
 
-  marksAcross() { return this.a.marks; }
+  /** Below the cells, with the room for the name under them. */
+  axes() {
+    const up = this.b.marks.map(({ at, text }) => `<text class="end" x="${LEFT - 8}" y="${px(this.row(at) + 4)}">${text}</text>`);
+    const across = this.a.marks.map(({ at, text }) => `<text class="mid" x="${px(this.column(at))}" y="${px(this.foot + 17)}">${text}</text>`);
+    return [...up, ...across].join("");
+  }
 }
 
 /* ---- how many worlds have which peak ---- */

@@ -77,7 +77,7 @@ function more() {
   table.append(...chosen.slice(made, last).map(rowsOf));
   made = last;
   further.hidden = made === chosen.length;
-  further.textContent = `${chosen.length - made} more`;
+  further.textContent = `${chosen.length - made} more worlds`;
 }
 
 /** Chooses and sorts the worlds anew, and makes the first rows. */

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
 from taskspec.program.worlds import component_dimension
@@ -32,6 +33,9 @@ from taskspec_runner.pages.document import (
 )
 from taskspec_runner.pages.html import code, element, expression, joined, prose
 from taskspec_runner.record.names import TASK
+from taskspec_runner.runs import Run
+from taskspec_runner.scene.page import arm_figure, pictured
+from taskspec_runner.sweep.kept import folder_of
 from taskspec_runner.sweep.page.columns import PEAKS, WorldColumn, columns, world_data
 from taskspec_runner.sweep.page.commands import command_stem, kept_reports
 from taskspec_runner.sweep.result import SweepResult
@@ -40,9 +44,11 @@ from taskspec_runner.sweep.summary import (
     MET,
     MISSED,
     drawn_text,
+    end_of,
     interval_text,
     rate_text,
     so_far_text,
+    worst_world,
     worst_worlds,
 )
 from taskspec_runner.sweep.world_run import Row
@@ -52,17 +58,20 @@ Json = Mapping[str, Any]
 _KINDS = {MET: "passed", MISSED: "missed"}
 #: Parameters whose margins are drawn at once; those of others when they are asked for.
 _DRAWN = 6
+#: A spread of less than this share of a value is a number, and no histogram.
+_SAME = 1e-4
 #: What is less likely than this is not taken for chance.
 _CHANCE = 0.01
 _CHOSEN = "these worlds were chosen and not drawn, so that they tell of no probability"
 
 
-def render(result: SweepResult, said: Json) -> str:
+def render(result: SweepResult, said: Json, so_far: Markup | None = None) -> str:
     """The page of a sweep.
 
     Args:
         result: what came of it.
         said: what `sweep.json` says of it.
+        so_far: how far it is, of one that goes on: the page then has itself loaded again.
     """
     task, rows = result.task, result.rows
     influences = [Influence(**each) for each in result.summary["influences"]]
@@ -74,18 +83,44 @@ def render(result: SweepResult, said: Json) -> str:
         facts = joined(facts, element("p", text), everywhere)
     return document(
         f"{task.name}: sweep",
-        head("taskspec sweep", task.name, task.about or "", *_verdicts(result), _ends(result)),
+        head(
+            "taskspec sweep",
+            task.name,
+            task.about or "",
+            so_far,
+            *_verdicts(result, " so far" if so_far else ""),
+            _ends(result),
+        ),
         _expectations(result),
         _failures(result, found),
+        _worst(result),
         _influences(influences),
         patience(),
         *_charts(found, influences),
         _worlds(result, found),
         task_file((result.path / TASK).read_text(encoding="utf-8")),
         data=_data(result, said, found),
-        scripts=("worlds", "worlds_charts", "worlds_table"),
+        scripts=(
+            "worlds",
+            "worlds_charts",
+            "worlds_table",
+            "alone",
+            "scene",
+            *(["filling"] if so_far else []),
+        ),
         facts=facts,
     )
+
+
+def _worst(result: SweepResult) -> Markup:
+    """The arm in the worst world, where its run is kept."""
+    row = worst_world(result.rows)
+    path = folder_of(result.path, row["world"]) if row else None
+    shown = pictured(Run(path)) if path is not None and path.is_dir() else None
+    if row is None or shown is None:
+        return Markup("")
+    how = end_of(row)
+    return section("Worst world", arm_figure(shown, title=f"World {row['world']}, {how}"))
 
 
 def _span(
@@ -111,8 +146,8 @@ def _margin(margin: float, world: int, title: str | None = None) -> Markup:
     return joined(prose(f"{number(100 * margin, 3)} %"), " ", _world(world, title))
 
 
-def _verdicts(result: SweepResult) -> Iterator[Markup]:
-    """What the file expects of the sweep, else how many worlds succeed."""
+def _verdicts(result: SweepResult, until: str) -> Iterator[Markup]:
+    """What the file expects of the sweep, else how many worlds succeed; `until` as a word."""
     for each in result.summary["judged"]:
         kind = _KINDS.get(each["verdict"], "undecided")
         more = [rate_text(each)]
@@ -123,7 +158,7 @@ def _verdicts(result: SweepResult) -> Iterator[Markup]:
         line = _span(each["interval"], each["share"], each["least"])
         yield outcome(
             kind,
-            sign(kind) + each["verdict"],
+            sign(kind) + each["verdict"] + until,
             element("p", expression(each["text"]), " ", line),
             element("p", "; ".join(more), class_="rest"),
         )
@@ -265,9 +300,11 @@ def _charts(found: Sequence[WorldColumn], influences: Sequence[Influence]) -> It
         choose = element("p", *choices, class_="choose")
         title = "Success over two parameters"
         yield section(title, choose, figure(success), look="success")
-    peaks = [figure(_chart(c, "")) for c in found if c.kind == "peak" and _told(c)]
-    place = element("div", *peaks, class_="three") if peaks else Markup("")
-    yield section("Largest of each world", place)
+    peaks = [c for c in found if c.kind == "peak" and _told(c)]
+    drawn = [figure(_chart(c, "")) for c in peaks if not _alike(c)]
+    place = element("div", *drawn, class_="three") if drawn else Markup("")
+    same = pairs([(c.label, _of_all(c)) for c in peaks if _alike(c)], "facts")
+    yield section("Largest of each world", place + same)
 
 
 #: Choices of a parameter: word, axis, and which is chosen first.
@@ -319,6 +356,19 @@ def _worlds(result: SweepResult, found: Sequence[WorldColumn]) -> Markup:
     )  # fmt: skip
     heading = element("h2", "Worlds", id="worlds")
     return element("section", heading, filter_, place, about, class_="worlds")
+
+
+def _alike(column: WorldColumn) -> bool:
+    """Whether all worlds have the same number there, to the digits that a page shows."""
+    return bool(np.nanmax(column.values) - np.nanmin(column.values) < _SAME * _largest(column))
+
+
+def _largest(column: WorldColumn) -> float:
+    return float(np.nanmax(np.abs(column.values)))
+
+
+def _of_all(column: WorldColumn) -> str:
+    return f"{number(_largest(column), 4)} {column.shown_unit} in every world".replace("  ", " ")
 
 
 def _told(column: WorldColumn) -> bool:
