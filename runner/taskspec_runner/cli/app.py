@@ -347,7 +347,11 @@ def judge(
 
 @_command
 def export(
-    folder: options.RunFolder,
+    *,
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="RUN|FILE", help="The folder of a run; with --c a task file."),
+    ],
     path: Annotated[
         Path | None,
         typer.Argument(
@@ -364,14 +368,22 @@ def export(
         bool, typer.Option("--mcap", help="Write ROS 2 messages, for Foxglove and PlotJuggler.")
     ] = False,
     rerun: Annotated[bool, typer.Option("--rerun", help="Write a Rerun recording.")] = False,
+    c: Annotated[
+        Path | None,
+        typer.Option("--c", metavar="DIR", help="Write a task's controller as C99 into a folder."),
+    ] = None,
+    given: options.TaskOptions,
     start: options.From = None,
     end: options.To = None,
 ) -> int:
-    """Write the log of a run for other tools; of a killed run, what there is."""
-    from taskspec_runner.cli.export import export_log
+    """Write the log of a run for other tools, or the controller of a task as C."""
+    from taskspec_runner.cli import export as exports
 
     chosen = {"csv": csv, "parquet": parquet, "mcap": mcap, "rerun": rerun}
-    return export_log(folder, path, [form for form, wanted in chosen.items() if wanted], start, end)
+    forms = [form for form, wanted in chosen.items() if wanted]
+    if c is not None:
+        return exports.export_controller(folder, c, given, forms)
+    return exports.export_log(folder, path, forms, start, end)
 
 
 @_command

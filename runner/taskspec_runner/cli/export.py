@@ -7,8 +7,44 @@ from pathlib import Path
 
 import typer
 
+from taskspec_runner.cli.options import TaskOptions
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
+
+
+def export_controller(
+    file: Path, folder: Path, given: TaskOptions, forms: Sequence[str] = ()
+) -> int:
+    """Writes a task's controller as C and says where, and how it is compiled.
+
+    Args:
+        file: the task file.
+        folder: to write into.
+        given: what the task is changed by.
+        forms: formats of logs, of which a task has none.
+
+    Raises:
+        SpecError: the task is refused.
+        InputError: the file is no task, or the folder cannot be written.
+    """
+    if forms:
+        raise InputError(f"--{forms[0]} is of the log of a run, --c of a task file; name one")
+    if file.is_dir():
+        raise InputError(f"--c takes a task file, and {file} is a folder")
+    from taskspec_runner.cli.run import admitted
+    from taskspec_runner.controller_c.source import controller_of
+
+    program = admitted(file, given, force=False)
+    made = controller_of(program)
+    try:
+        header, source = made.write(folder)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written: {error.strerror or error}") from error
+    typer.echo(f"{header}\n{source}")
+    library = folder / f"{made.name}.so"
+    typer.echo(f"compile it: cc -std=c99 -O2 -shared -fPIC {source} -o {library} -lm")
+    typer.echo(f"judge it:   taskspec run {file} --on lib:{library}")
+    return 0
 
 
 def export_log(
@@ -20,7 +56,9 @@ def export_log(
 ) -> int:
     """Writes the log of a run in some formats and says where, and whether the run is partial."""
     if not forms:
-        raise InputError("name a format to export to: --csv, --parquet, --mcap or --rerun")
+        raise InputError(
+            "name a format to export to: --csv, --parquet, --mcap or --rerun; or --c for a task"
+        )
     if path is not None and len(forms) > 1:
         raise InputError(f"{path} can hold one format, not {len(forms)}; leave the path out")
     from taskspec_runner.export import export_run

@@ -160,9 +160,9 @@ class RobotOptions:
         str | None,
         typer.Option(
             "--on",
-            metavar="udp://HOST:PORT",
-            help="Run on a robot, or on the plant that 'taskspec plant' serves; judged as "
-            "measured.",
+            metavar="udp://HOST:PORT|lib:PATH",
+            help="Run on a robot, or on the plant that 'taskspec plant' serves, judged as "
+            "measured; or have an exported controller drive the simulated plant.",
         ),
     ] = None
     lost: Annotated[

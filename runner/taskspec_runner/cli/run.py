@@ -177,6 +177,10 @@ class Connects(Protocol):
         """
 
 
+#: What the address of an exported controller begins with.
+LIBRARY = "lib:"
+
+
 @dataclass(frozen=True, slots=True)
 class Connection:
     """The robot that a run is to be on.
@@ -200,6 +204,8 @@ class Connection:
         """
         from taskspec_runner.link.address import read_endpoint
 
+        if self.url.startswith(LIBRARY):
+            return
         if "://" not in self.url or self.url.startswith("udp:"):
             read_endpoint(self.url, "--on")
         self._policy()
@@ -221,6 +227,10 @@ class Connection:
         from taskspec_runner.link.found import open_robot
         from taskspec_runner.link.on_robot import OnRobot
 
+        if self.url.startswith(LIBRARY):
+            from taskspec_runner.link.library import InLibrary
+
+            return InLibrary(Path(self.url.removeprefix(LIBRARY)), program)
         robot = open_robot(self.url, say)
         link = OnRobot(robot, self._policy(), self.url)
         try:

@@ -43,18 +43,21 @@ class Block:
         """Lays the arrays, each in one piece."""
         self.name, self._dtype, self.type = _BLOCKS[kind]
         sized = [a for a in arrays if a.size]
-        spans = sorted((a.ctypes.data, a.ctypes.data + a.nbytes) for a in sized)
         merged: list[list[int]] = []
-        for first, end in spans:
+        for first, end in sorted((a.ctypes.data, a.ctypes.data + a.nbytes) for a in sized):
             if merged and first < merged[-1][1]:
                 merged[-1][1] = max(merged[-1][1], end)
             else:
                 merged.append([first, end])
-        size, self._spans = 0, list[_Span]()
+        # By their first mention, so that the same task has the same layout wherever it lies.
+        spans, size = list[_Span](), 0
         item = np.dtype(self._dtype).itemsize
-        for first, end in merged:
-            self._spans.append(_Span(first, end, size))
-            size += (end - first) // item
+        for array in sized:
+            if not any(s.first <= array.ctypes.data < s.end for s in spans):
+                first, end = next(m for m in merged if m[0] <= array.ctypes.data < m[1])
+                spans.append(_Span(first, end, size))
+                size += (end - first) // item
+        self._spans = spans
         self.values = np.zeros(size, self._dtype)
         for array in sized:
             at = self.place(array)

@@ -46,11 +46,13 @@ class Controller:
 
     Attributes:
         name: what its functions and types begin with.
+        digest: SHA-256 of what it is made of, in hexadecimal.
         header, source: texts of its two files.
         numbers: doubles of one instance.
     """
 
     name: str
+    digest: str
     header: str
     source: str
     numbers: int
@@ -91,8 +93,11 @@ def controller_of(program: Program) -> Controller:
         "EVENTS": _events(machine),
         **facts,
     }
+    made_of = "\n".join((text, *(f"{key} {part}" for key, part in sorted(parts.items()))))
+    parts["HASH"] = digest = hashlib.sha256(made_of.encode()).hexdigest()
     header = _filled((_FOLDER / "controller.h").read_text(encoding="utf-8"), parts)
-    return Controller(name, header, _filled(text, parts), len(layout.blocks[Kind.VECTOR].values))
+    numbers = len(layout.blocks[Kind.VECTOR].values)
+    return Controller(name, digest, header, _filled(text, parts), numbers)
 
 
 def identifier(name: str) -> str:
@@ -184,7 +189,6 @@ def _events(machine: Machine) -> str:
 def _facts(program: Program, machine: Machine, name: str, layout: Layout) -> dict[str, str]:
     context = program.context
     loaded, robot = context.loaded, context.robot
-    digest = hashlib.sha256(loaded.source.text.encode()).hexdigest()
     stages = [runner.stage.name for runner in machine.runners]
     sensor = machine.sensor is not None
     wrench = (
@@ -198,7 +202,6 @@ def _facts(program: Program, machine: Machine, name: str, layout: Layout) -> dic
         "UPPER": name.upper(),
         "TITLE": loaded.task.name,
         "VERSION": version("taskspec-robotics"),
-        "HASH": digest,
         "JOINTS": str(robot.n),
         "JOINT_NAMES": joints,
         "REACTIONS": str(len(context.equations)),

@@ -67,6 +67,8 @@ struct @NAME@ {
     int32_t state, event, bears;
 };
 
+const char *@NAME@_task(void) { return "@HASH@"; }
+
 uint64_t @NAME@_size(void) { return sizeof(struct @NAME@); }
 
 struct @NAME@ *@NAME@_init(void *memory)

@@ -1,6 +1,6 @@
 /* The controller of the task "@TITLE@", made by taskspec @VERSION@.
  *
- * SHA-256 of the task: @HASH@
+ * SHA-256 of what it is made of: @HASH@
  *
  * The host calls @NAME@_init once, @NAME@_start with the first sample, and then @NAME@_step with
  * the sample of each control period, @RATE@ times a second, in order. It applies the torques of
@@ -75,6 +75,8 @@ struct @NAME@_status {
 
 struct @NAME@;
 
+/* What the controller is made of, as above. */
+const char *@NAME@_task(void);
 /* Bytes of an instance; it is to be aligned as a double is. */
 uint64_t @NAME@_size(void);
 /* Prepares an instance in memory of that size. */

@@ -1,0 +1,184 @@
+"""A task's plant driven by its exported controller, a shared library in this process."""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.program.program import Program
+from taskspec.program.worlds import World
+from taskspec_runner.controller_c.source import Controller, controller_of
+from taskspec_runner.errors import InputError, LinkError
+from taskspec_runner.loop.assembly import Assembly, assemble
+from taskspec_runner.loop.sensing import Sensing
+from taskspec_runner.plant.plant import Plant
+
+Vector = NDArray[np.float64]
+
+
+class ControllerLibrary:
+    """One instance of an exported controller.
+
+    Attributes:
+        torque: (n,) of the last answer [N m, N].
+        state: of the last answer, 0 while the task goes on.
+    """
+
+    def __init__(self, path: Path, controller: Controller, joints: int, reactions: int) -> None:
+        """Loads a library and prepares an instance.
+
+        Args:
+            path: of the library.
+            controller: that it is to be made of.
+            joints, reactions: numbers of a sample.
+
+        Raises:
+            InputError: it is no library, or not of this controller.
+        """
+        name = controller.name
+        try:
+            # By its whole path: a bare name would be searched for elsewhere.
+            self._library = ctypes.CDLL(str(path.resolve(strict=True)))
+            functions = {
+                part: getattr(self._library, f"{name}_{part}")
+                for part in ("size", "init", "start", "step", "task", "bear")
+            }
+        except (OSError, AttributeError) as error:
+            raise InputError(
+                f"{path} is no library of the task {name!r}: {error}; export the task with "
+                f"'taskspec export FILE --c DIR' and compile it as its page says"
+            ) from error
+        functions["size"].restype = ctypes.c_uint64
+        functions["task"].restype = ctypes.c_char_p
+        made_of = functions["task"]().decode("ascii", "replace")
+        if made_of != controller.digest:
+            raise InputError(
+                f"{path} was made of another state of the task, or by another version: "
+                f"{made_of[:12]}, and not {controller.digest[:12]}; export and compile it again"
+            )
+        pointer = ctypes.c_void_p
+        functions["init"].restype = pointer
+        functions["init"].argtypes = [pointer]
+        for part in ("start", "step"):
+            functions[part].argtypes = [pointer] * 3
+        self._start, self._step = functions["start"], functions["step"]
+        self._memory = ctypes.create_string_buffer(functions["size"]() + 16)
+        aligned = -ctypes.addressof(self._memory) % 16 + ctypes.addressof(self._memory)
+        self._instance = functions["init"](aligned)
+        # The structures of the header hold doubles, and three integers at last.
+        self._sample = np.zeros(2 * joints + 6 + max(reactions, 1) + 1)
+        ends = np.cumsum([joints, joints, 6, reactions])
+        self.q, self.v, self.wrench, self.reactions, _ = np.split(self._sample, ends)
+        self._answer = np.zeros(8 * joints + 16, dtype=np.uint8)
+        self.torque = self._answer[: 8 * joints].view(np.float64)
+        self._state = self._answer[8 * joints : 8 * joints + 4].view(np.int32)
+
+    @property
+    def state(self) -> int:
+        """Of the last answer, 0 while the task goes on."""
+        return int(self._state[0])
+
+    def answer(self, stamp: float, *, first: bool = False) -> None:
+        """Has the controller answer the sample that is written, at a time [s]."""
+        self._sample[-1] = stamp
+        called = self._start if first else self._step
+        called(self._instance, self._sample.ctypes.data, self._answer.ctypes.data)
+
+
+class LibraryPlant:
+    """The plant of the loop whose torques an exported controller commands.
+
+    Attributes:
+        arm: itself, whose divergence the loop checks.
+        diverged: as the plant's arm.
+    """
+
+    def __init__(
+        self, library: ControllerLibrary, parts: Assembly[Plant], sensing: Sensing
+    ) -> None:
+        self._library, self._plant, self._sensing = library, parts.plant, sensing
+        self._machine, self._period = parts.machine, parts.program.context.period
+        self._ticks, self._started, self.diverged = 0, False, False
+
+    @property
+    def arm(self) -> LibraryPlant:
+        """The arm, as the loop uses it."""
+        return self
+
+    def read(self) -> None:
+        """Senses, and gives the controller what is measured."""
+        self._sensing.read()
+        machine, library = self._machine, self._library
+        library.q[:], library.v[:] = machine.q, machine.v
+        library.wrench[:] = machine.wrench if machine.sensor is None else machine.sensor.reading
+        library.reactions[: len(machine.reactions)] = machine.reactions
+        if not self._started:
+            self._started = True
+            library.answer(0.0, first=True)
+
+    def step(self, torque: Vector) -> None:
+        """Holds the controller's torques for one control period.
+
+        Raises:
+            LinkError: it has ended the task, which the file's own machine has not.
+        """
+        self._library.answer(self._ticks * self._period)
+        if self._library.state and not self._machine.ended:
+            error = LinkError(
+                "controller_stopped", f"the library ended the task: state {self._library.state}"
+            )
+            error.ticks = self._ticks
+            raise error
+        torque[:] = self._library.torque
+        self._plant.step(torque)
+        self.diverged = self._plant.arm.diverged
+        self._ticks += 1
+
+    def release(self) -> Plant:
+        """The plant without its controller."""
+        return self._plant
+
+    def alarm(self) -> tuple[str, str] | None:
+        """The alarm of the simulator; None without one."""
+        return self._plant.alarm()
+
+
+class InLibrary:
+    """The link of a program's plant to its exported controller."""
+
+    #: Its logs have the truth.
+    measured = False
+    #: The plant waits for each answer.
+    lock_step = True
+
+    def __init__(self, path: Path, program: Program) -> None:
+        """Loads the library of a program's controller.
+
+        Raises:
+            InputError: it is none.
+        """
+        context = program.context
+        self._path = path
+        self._library = ControllerLibrary(
+            path, controller_of(program), context.robot.n, len(context.equations)
+        )
+
+    def assemble(self, program: Program, world: World) -> Assembly[LibraryPlant]:
+        """Assembles the parts of the run; the file's own machine runs beside."""
+        parts = assemble(program, world)
+        parts.machine.followed = False
+        arm, equations = parts.plant.arm, parts.plant.views.equations
+        sensing = Sensing(arm, equations, parts.machine, world.noise_seed)
+        plant = LibraryPlant(self._library, parts, sensing)
+        return Assembly(program, world, parts.bus, plant, parts.machine, sensing=plant)
+
+    def finish(self, text: str) -> None:
+        """Nothing is to be reported to a library."""
+
+    def as_data(self) -> dict[str, Any]:
+        """The entry of a summary about the link."""
+        return {"end": "plant", "mode": "lock-step", "name": self._path.name}
