@@ -241,7 +241,7 @@ class Signature:
     result: Kind
 
 
-class Source:
+class KernelFunction:
     """A function as it is written, and what its names mean in its module."""
 
     def __init__(self, function: FunctionType) -> None:
@@ -276,7 +276,7 @@ def _functions(module: str, path: str) -> dict[tuple[str, int], ast.FunctionDef]
     return {(node.name, node.lineno): node for node in found if not node.decorator_list}
 
 
-def signature_of(source: Source, symbol: str) -> Signature:
+def signature_of(source: KernelFunction, symbol: str) -> Signature:
     """The signature by the annotations; a KernelError where kernels have none such."""
     tree = source.tree
     a = tree.args
@@ -296,7 +296,9 @@ def signature_of(source: Source, symbol: str) -> Signature:
     return Signature(symbol, names, tuple(kinds), records, result)
 
 
-def annotated(source: Source, node: ast.AST, annotation: ast.expr | None) -> Kind | type[Record]:
+def annotated(
+    source: KernelFunction, node: ast.AST, annotation: ast.expr | None
+) -> Kind | type[Record]:
     """The kind of a parameter or result, or the class of a record."""
     kinds: dict[Any, Kind] = {int: Kind.INT, float: Kind.FLOAT, bool: Kind.BOOL}
     kinds |= {Vector: Kind.VECTOR, Counts: Kind.COUNTS, Words: Kind.WORDS}

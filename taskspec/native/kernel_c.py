@@ -17,10 +17,10 @@ from taskspec.deferred_methods import dataclass
 from taskspec.native.kernel import (
     ELEMENTS,
     KernelError,
+    KernelFunction,
     Kind,
     Record,
     Signature,
-    Source,
     call,
     signature_of,
 )
@@ -109,7 +109,7 @@ class _CUnit:
         """The signature of a function, translated if it was not yet."""
         if function in self._signatures:
             return self._signatures[function]
-        source = Source(function)
+        source = KernelFunction(function)
         symbol = function.__name__ if function in self._visible else None
         linkage = "static " if symbol is None else ""
         own = function.__name__.lstrip("_")
@@ -201,7 +201,7 @@ class _CBody:
     """The C of one function, whose names are declared at its begin."""
 
     unit: _CUnit
-    source: Source
+    source: KernelFunction
     signature: Signature
     lines: list[str] = field(default_factory=list)
     kinds: dict[str, Kind] = field(default_factory=dict)

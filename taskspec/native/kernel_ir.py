@@ -19,10 +19,10 @@ from taskspec.native.expressions import number
 from taskspec.native.kernel import (
     ELEMENTS,
     KernelError,
+    KernelFunction,
     Kind,
     Record,
     Signature,
-    Source,
     annotated,
     call,
     signature_of,
@@ -83,7 +83,7 @@ class _Unit:
             return self._signatures[function]
         if not isinstance(function, FunctionType):
             raise KernelError(f"{function!r} is no function of Python")
-        source = Source(function)
+        source = KernelFunction(function)
         internal = symbol is None
         symbol = symbol or f"{function.__module__}.{function.__name__}"
         if any(symbol == other.symbol for other in self._signatures.values()):
@@ -109,7 +109,7 @@ class _Body:
     """The code of one function. Names live in memory; LLVM puts them into registers."""
 
     unit: _Unit
-    source: Source
+    source: KernelFunction
     signature: Signature
     lines: list[str] = field(default_factory=list)
     slots: list[str] = field(default_factory=list)

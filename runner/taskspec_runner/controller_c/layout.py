@@ -31,7 +31,7 @@ class _Span:
     place: int
 
 
-class Block:
+class _Block:
     """Arrays of one kind, laid one after the other; those that overlap share their place.
 
     Attributes:
@@ -91,7 +91,7 @@ class Layout:
         self._arrays: dict[Kind, list[NDArray[Any]]] = {kind: [] for kind in _BLOCKS}
         for root in roots:
             self._collect(root)
-        self.blocks = {kind: Block(kind, arrays) for kind, arrays in self._arrays.items()}
+        self.blocks = {kind: _Block(kind, arrays) for kind, arrays in self._arrays.items()}
         self.arguments, self.results = list[int](), list[int]()
         calls = [e for e in self.records.get("Evaluation", ()) if isinstance(e, Evaluation)]
         self._calls = {id(e): self._call(e) for e in calls}

@@ -1,0 +1,35 @@
+/* Drives an exported controller with samples from standard input, and writes its answers.
+ *
+ * A sample is the doubles of the input; an answer the torques, the state and the stage as doubles. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include HEADER
+
+#define JOIN_(a, b) a##_##b
+#define JOIN(a, b) JOIN_(a, b)
+#define OF(part) JOIN(NAME, part)
+
+int main(void)
+{
+    struct OF(input) in;
+    struct OF(output) out;
+    void *memory = malloc(OF(size)());
+    struct NAME *m = OF(init)(memory);
+    double answer[sizeof out.torque / sizeof(double) + 2];
+    size_t n = sizeof out.torque / sizeof(double);
+    int first = 1;
+    memset(&in, 0, sizeof in);
+    while (fread(&in, sizeof in, 1, stdin) == 1) {
+        if (first) OF(start)(m, &in, &out);
+        if (!first || out.state == 0) OF(step)(m, &in, &out);
+        first = 0;
+        memcpy(answer, out.torque, sizeof out.torque);
+        answer[n] = out.state;
+        answer[n + 1] = out.stage;
+        fwrite(answer, sizeof(double), n + 2, stdout);
+    }
+    free(memory);
+    return 0;
+}

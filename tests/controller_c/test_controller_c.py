@@ -1,0 +1,191 @@
+"""Exported controllers: the torques of the machine to the bit, and ends by name."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from taskspec.compiler import compile_task
+from taskspec.program.program import Program
+from taskspec.spec import load_task
+from taskspec_runner.cli.app import app
+from taskspec_runner.controller_c.source import controller_of, identifier
+from taskspec_runner.errors import InputError
+from taskspec_runner.link.library import InLibrary
+from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.sensing import Sensing
+
+ROOT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).resolve().parent
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-function")
+SANITIZED = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+#: A frame that is estimated and a sensor's zero; limits that collide; coordinates chosen again.
+TASKS = ("unknown-normal", "reach-limits", "ring")
+RUNNING, DONE, BAD_SAMPLE, BAD_STAMP, LOST = 0, 1, 8, 9, 10
+
+pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc")
+
+
+@cache
+def program(name: str) -> Program:
+    return compile_task(load_task(ROOT / "tasks" / f"{name}.yaml"))
+
+
+@cache
+def recorded(name: str) -> tuple[np.ndarray, np.ndarray, str]:
+    """Samples (ticks, numbers) of a run by the machine, its torques (ticks, n), and its end."""
+    made = program(name)
+    parts = assemble(made)
+    machine, plant, period = parts.machine, parts.plant, made.context.period
+    sensing = Sensing(plant.arm, plant.views.equations, machine)
+    sensing.read()
+    machine.start()
+    samples, torques = [], []
+    while not machine.ended:
+        if samples:
+            sensing.read()
+        wrench = machine.wrench if machine.sensor is None else machine.sensor.reading
+        reactions = machine.reactions if machine.reactions.size else np.zeros(1)
+        clock = len(samples) * period
+        samples.append(np.concatenate([machine.q, machine.v, wrench, reactions, [clock]]))
+        machine.tick(clock)
+        torques.append(machine.torque.copy())
+        plant.step(machine.torque)
+    return np.array(samples), np.array(torques), machine.ended
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """Answers (ticks, n + 2) of the exported controller of a task, under sanitizers."""
+    programs: dict[str, Path] = {}
+
+    def answers(name: str, samples: np.ndarray) -> np.ndarray:
+        if name not in programs:
+            folder = tmp_path_factory.mktemp("c")
+            made = controller_of(program(name))
+            made.write(folder)
+            defined = (f"-DNAME={made.name}", f'-DHEADER="{made.name}.h"', f"-I{folder}")
+            files = (str(HERE / "drive.c"), f"{made.name}.c", "-o", "drive", "-lm")
+            command = ["gcc", *STRICT, *SANITIZED, "-O1", *defined, *files]
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+            assert done.returncode == 0, done.stderr
+            programs[name] = folder / "drive"
+        done = subprocess.run([programs[name]], input=samples.tobytes(), capture_output=True)
+        assert done.returncode == 0, done.stderr.decode()
+        joints = program(name).context.robot.n
+        return np.frombuffer(done.stdout).reshape(-1, joints + 2)
+
+    return answers
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_torques_are_those_of_the_machine_to_the_bit(name, driven) -> None:
+    samples, torques, ended = recorded(name)
+    assert len(samples) > 1000
+    found = driven(name, samples)
+    assert found[:, :-2].tobytes() == torques.tobytes()
+    assert ended == "end"
+    assert set(found[:-1, -2]) == {RUNNING}
+    assert found[-1, -2] == DONE
+
+
+def spoiled(ticks: int) -> np.ndarray:
+    return recorded("ring")[0][:ticks].copy()
+
+
+@pytest.mark.parametrize("column", [0, 8, 15, -1])
+def test_a_sample_that_is_no_number_ends_the_task_and_the_torques_stay_finite(
+    column, driven
+) -> None:
+    samples = spoiled(60)
+    samples[40, column] = np.nan
+    found = driven("ring", samples)
+    assert found[39, -2] == RUNNING
+    assert set(found[40:, -2]) == {BAD_SAMPLE}
+    assert np.isfinite(found[:, :-2]).all()
+
+
+def test_a_clock_that_runs_back_ends_the_task(driven) -> None:
+    samples = spoiled(60)
+    samples[40, -1] = samples[38, -1]
+    found = driven("ring", samples)
+    assert (found[39, -2], found[40, -2]) == (RUNNING, BAD_STAMP)
+
+
+@pytest.mark.parametrize(("lost", "state"), [(20, RUNNING), (21, LOST)])
+def test_lost_samples_are_ticks_on_the_last_one_up_to_what_is_borne(lost, state, driven) -> None:
+    samples = spoiled(100)
+    found = driven("ring", np.delete(samples, slice(30, 30 + lost), axis=0))
+    assert found[30, -2] == state
+    held = samples.copy()
+    held[30 : 30 + lost, :-1] = samples[29, :-1]
+    if state == RUNNING:
+        assert found[30:].tobytes() == driven("ring", held)[30 + lost :].tobytes()
+
+
+def test_the_stop_takes_motion_away(driven) -> None:
+    """From an end on the torques carry the arm: at rest they are its gravity terms."""
+    samples = spoiled(60)
+    samples[40:, 7:14] = 0.0
+    samples[40, 0] = np.inf
+    samples[40:, :7] = samples[39, :7]
+    samples[40, 0] = np.inf
+    found = driven("ring", samples)
+    parts = assemble(program("ring"))
+    parts.machine.q[:], parts.machine.v[:] = samples[59, :7], 0.0
+    parts.machine.update_terms()
+    assert found[59, :7] == pytest.approx(parts.machine.terms.gravity, abs=1e-9)
+
+
+def test_the_command_line_exports_and_judges(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    task = str(ROOT / "tasks" / "press-hybrid.yaml")
+    run = CliRunner()
+    done = run.invoke(app, ["export", task, "--c", "c", "--set", "stages.slide.time=0.2 s"])
+    assert done.exit_code == 0, done.output
+    compiled = ["gcc", "-std=c99", "-O1", "-shared", "-fPIC", "c/press_hybrid.c", "-lm"]
+    subprocess.run([*compiled, "-o", "c/press_hybrid.so"], check=True)
+    sets = ["--set", "stages.slide.time=0.2 s"]
+    for out, on in (("by-c", ["--on", "lib:c/press_hybrid.so"]), ("own", [])):
+        done = run.invoke(app, ["run", task, *sets, *on, "--out", out, "--quiet"])
+        assert done.exit_code in (0, 1), done.output
+    logs = [(tmp_path / out / "log.arrow").read_bytes() for out in ("by-c", "own")]
+    assert logs[0] == logs[1]
+    done = run.invoke(app, ["run", task, "--on", "lib:c/press_hybrid.so", "--out", "other"])
+    assert done.exit_code == 2
+    assert "another state of the task" in done.output
+
+
+def test_what_is_no_library_is_an_error(tmp_path) -> None:
+    (tmp_path / "a.so").write_text("no library\n")
+    with pytest.raises(InputError, match="is no library of the task 'ring'"):
+        InLibrary(tmp_path / "a.so", program("ring"))
+
+
+def test_the_header_is_one_of_cpp_as_well(tmp_path) -> None:
+    if shutil.which("g++") is None:
+        pytest.skip("there is no g++")
+    made = controller_of(program("ring"))
+    header, _ = made.write(tmp_path)
+    command = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-x", "c++"]
+    done = subprocess.run([*command, str(header)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_controller_is_the_same_text_each_time() -> None:
+    first, second = (controller_of(program("ring")) for _ in range(2))
+    assert first == second
+    assert first.digest in first.header
+
+
+@pytest.mark.parametrize(
+    ("name", "written"), [("a-b c", "a_b_c"), ("3d", "task_3d"), ("ä", "task__")]
+)
+def test_names_become_those_of_c(name, written) -> None:
+    assert identifier(name) == written
