@@ -3,7 +3,7 @@
     python docs/images/make.py           # all of them
     python docs/images/make.py laws      # those of docs/laws only
 
-The video of a wiping arm, a frame of it and what its run recorded, for the README; the same of the
+The video of a wiping arm and what its run recorded, for the README; the same of the
 tasks of the tutorial, one of them under all laws; what the press of each control law and tasks with
 constraints and limits recorded, for docs/laws; a raster, for docs/how-to. Frames need a headless
 OpenGL, EGL or OSMesa, and stay as they are where there is none; the others do not.
@@ -57,7 +57,7 @@ STEPS = {
     "tutorial-fast": "wipe-4",
 }
 #: Pictures of which there is a frame of the video too, and its run time [s].
-FRAMES = {"wipe-table": 3.4, "tutorial-press": 3.0, "tutorial-wipe": 3.4}
+FRAMES = {"tutorial-press": 3.0, "tutorial-wipe": 3.4}
 #: Pictures that move, how much of a run is between two of their frames [s], and their size [px].
 MOVING, MOVING_STEP, MOVING_SIZE = ("wipe-table",), 0.125, (854, 480)
 #: Pictures of runs that readers are told to make in spite of an error.
