@@ -3,7 +3,7 @@
     python docs/images/make.py           # all of them
     python docs/images/make.py laws      # those of docs/laws only
 
-A frame of the video of a wiping arm and what its run recorded, for the README; the same of the
+The video of a wiping arm and what its run recorded, for the README; the same of the
 tasks of the tutorial, one of them under all laws; what the press of each control law and tasks with
 constraints and limits recorded, for docs/laws; a raster, for docs/how-to. Frames need a headless
 OpenGL, EGL or OSMesa, and stay as they are where there is none; the others do not.
@@ -57,7 +57,9 @@ STEPS = {
     "tutorial-fast": "wipe-4",
 }
 #: Pictures of which there is a frame of the video too, and its run time [s].
-FRAMES = {"wipe-table": 3.4, "tutorial-press": 3.0, "tutorial-wipe": 3.4}
+FRAMES = {"tutorial-press": 3.0, "tutorial-wipe": 3.4}
+#: Pictures that move, how much of a run is between two of their frames [s], and their size [px].
+MOVING, MOVING_STEP, MOVING_SIZE = ("wipe-table",), 0.125, (854, 480)
 #: Pictures of runs that readers are told to make in spite of an error.
 FORCED = ("tutorial-ring",)
 #: Pictures of a random world, by its number: the one that the controller is told searches nothing.
@@ -99,6 +101,8 @@ def record(picture: str, task: Path | None = None) -> None:
         run.plot().save(HERE / f"{picture}.svg")
         if picture in FRAMES and backends():
             draw_frame(Recording.of(run), FRAMES[picture], HERE / f"{picture}.png")
+        if picture in MOVING and backends():
+            draw_moving(Recording.of(run), HERE / f"{picture}.webp")
 
 
 def represent(picture: str) -> None:
@@ -144,6 +148,17 @@ def draw_frame(recording: Recording, clock: float, path: Path) -> None:
         frame = film.frame(recording.row(clock))
     coarse = (frame & 0xFC) | (frame >> 6)
     Image.fromarray(coarse).save(path, optimize=True)
+
+
+def draw_moving(recording: Recording, path: Path) -> None:
+    """Draws a run's video as a moving picture that a page shows by itself, at its speed."""
+    rows = range(0, len(recording), round(MOVING_STEP / recording.period))
+    with Film(recording, Clip()) as film:
+        frames = [Image.fromarray(film.frame(row)).resize(MOVING_SIZE) for row in rows]
+    length = round(1000 * MOVING_STEP)
+    frames[0].save(
+        path, save_all=True, append_images=frames[1:], duration=length, loop=0, quality=55, method=6
+    )
 
 
 if __name__ == "__main__":

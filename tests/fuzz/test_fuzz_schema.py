@@ -42,7 +42,7 @@ def test_valid_tasks_are_accepted(text: str) -> None:
     ["include: [", "use: pause", "on: door", "detent:", "repeat:", "when:", "then:", "track:"],
 )
 def test_valid_tasks_have_all_ways_of_writing(word: str) -> None:
-    quickly = settings(max_examples=300, phases=[Phase.generate], derandomize=True)
+    quickly = settings(max_examples=1500, phases=[Phase.generate], derandomize=True)
     assert word in find(tasks(), lambda text: word in text, settings=quickly)
 
 

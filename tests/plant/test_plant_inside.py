@@ -60,7 +60,7 @@ def test_a_ball_is_as_deep_as_it_is_near(name):
     """
     shape, rng = PATCHES[name], np.random.default_rng(3)
     touched, sides = 0, set()
-    for _ in range(700):
+    for _ in range(3000):
         direction = rng.normal(size=3)
         center = direction / np.linalg.norm(direction) * rng.uniform(0.6, 1.2) * RADIUS
         if rng.random() < 0.3 and shape.straight is not None:

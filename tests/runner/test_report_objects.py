@@ -55,7 +55,7 @@ def test_a_mechanism_is_drawn_with_its_coordinate_and_effort(tmp_path: Path) -> 
     run = reported(tmp_path, SCREW)
     found = charts(run)
     assert found["mechanism angle"] == ("Angle", "deg", ["cap.angle"])
-    assert found["mechanism travel"] == ("Way along the axis", "mm", ["cap.travel"])
+    assert found["mechanism travel"] == ("Travel along the axis", "mm", ["cap.travel"])
     assert found["mechanism torque"][2] == ["cap.torque"]
     # The robot's own `travel` and the contact's `force` are no mechanism's.
     assert "mechanism force" not in found

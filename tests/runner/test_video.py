@@ -368,7 +368,7 @@ def test_encoder_that_fails_is_an_error_and_leaves_the_old_video(
     [
         (("--video", "x.txt"), "x.txt is not the name of a video; it ends in .mp4, .mkv, .mov"),
         (("--video", "nowhere/x.mp4"), "cannot write nowhere/x.mp4: there is no folder"),
-        (("--video", "x.mp4", "--view"), "give --video or --view, not both"),
+        (("--video", "x.mp4", "--view"), "give one of --video, --view and --web"),
         (("--video", "x.mp4", "--size", "big"), "--size needs two even numbers of pixels"),
         (("--video", "x.mp4", "--size", "321x201"), "--size needs two even numbers of pixels"),
         (("--video", "x.mp4", "--fps", "0"), "--fps is from 1 to 240, not 0"),
