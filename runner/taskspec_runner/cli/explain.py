@@ -86,7 +86,7 @@ def draw_task(
         out: the picture's file, whose ending says its format; None for NAME.svg.
         sets, law, form: as for `explain_what`.
         wanted: whether `--picture` was given.
-        terms: whether terms of operational space were asked for, which no picture has.
+        terms: whether terms of operational space are wanted, which no picture has.
 
     Raises:
         InputError: the options do not go together, or the ending is neither .svg nor .png.

@@ -388,7 +388,7 @@ class CutOptions:
 
 @dataclass(frozen=True)
 class ReplayOptions:
-    """Where a recorded run is looked at, if it is no video."""
+    """Where a recorded run is shown, if not as a video."""
 
     view: Annotated[bool, typer.Option("--view", help="Open a window; this is the default.")] = (
         False

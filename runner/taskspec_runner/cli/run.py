@@ -54,7 +54,7 @@ def run_task(
 ) -> int:
     """Runs a task file and reports how it went; afterwards draws it as a video.
 
-    With a page that shows it, the command ends when that is not looked at any more.
+    With a page that shows it, the command ends when nobody watches that any more.
     """
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line

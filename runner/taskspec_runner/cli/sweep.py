@@ -40,7 +40,7 @@ _PAUSE = 0.2
 def sweep_task(file: Path, given: SweepOptions, watched: WatchOptions) -> int:
     """Runs a task file in many worlds and reports their statistics.
 
-    With a page that shows it, the command ends when that is not looked at any more.
+    With a page that shows it, the command ends when nobody watches that any more.
     """
     count, port = given.worlds, watched.place
     if sum((given.corners, given.grid is not None, count is not None)) > 1:

@@ -17,6 +17,8 @@ from taskspec.robot.coupling import JointCoupling
 from taskspec_runner.export.messages import unique
 from taskspec_runner.plant.names import PREFIX
 from taskspec_runner.runs import Run
+from taskspec_runner.scene.meshes import Triangles
+from taskspec_runner.scene.model import coloring_material
 from taskspec_runner.video.marks import COLORS, LINK, LINK_RADIUS, SURFACE, Color, Marks
 from taskspec_runner.video.recording import Recording
 from taskspec_runner.video.world import RecordedWorld
@@ -31,7 +33,6 @@ RATE, _MOST_ROWS = 50.0, 30_000
 ARROWS = ("x", "y", "z", "force")
 #: Cells along a mesh of too many triangles, of which corners in one cell become one.
 _MOST_TRIANGLES, _CELLS = 20_000, 48
-_DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
 _IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
@@ -246,9 +247,8 @@ def _pieces(model: mujoco.MjModel, arm: set[int], names: Sequence[str]) -> Itera
     """What MuJoCo draws of its geoms by default; planes and height fields are left out."""
     shown = mujoco.MjvOption().geomgroup
     for geom in range(model.ngeom):
-        looks = model.geom_rgba[geom]
-        if model.geom_matid[geom] >= 0 and np.allclose(looks, _DEFAULT_COLOR):
-            looks = model.mat_rgba[model.geom_matid[geom]]
+        material = coloring_material(model, geom)
+        looks = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
         red, green, blue, opacity = looks.tolist()
         color: Color = (red, green, blue, opacity)
         if not shown[model.geom_group[geom]] or opacity == 0.0:
@@ -284,25 +284,10 @@ def _solids(model: mujoco.MjModel, geom: int) -> Iterator[tuple[str, Vector, Vec
 
 def _mesh(model: mujoco.MjModel, geom: int) -> tuple[Vector, NDArray[np.int64]]:
     """Vertices (n, 3) and faces (m, 3) of a mesh; one of very many triangles is made coarser."""
-    mesh = int(model.geom_dataid[geom])
-    vertices, faces = (
-        values[start : start + count]
-        for values, start, count in (
-            (model.mesh_vert, model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]),
-            (model.mesh_face, model.mesh_faceadr[mesh], model.mesh_facenum[mesh]),
-        )
-    )
-    vertices, faces = vertices.astype(float), faces.astype(np.int64)
-    if len(faces) <= _MOST_TRIANGLES:
-        return vertices, faces
-    cells = np.floor((vertices - vertices.min(axis=0)) / (np.ptp(vertices) / _CELLS))
-    _, of, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    of = of.ravel()
-    middles = np.zeros((len(count), 3))
-    np.add.at(middles, of, vertices)
-    faces = of[faces]
-    a, b, c = faces.T
-    return middles / count[:, None], faces[(a != b) & (b != c) & (c != a)]
+    mesh = Triangles.of(model, int(model.geom_dataid[geom]))
+    if len(mesh.faces) > _MOST_TRIANGLES:
+        mesh = mesh.clustered(float(np.ptp(mesh.vertices)) / _CELLS)
+    return mesh.vertices, mesh.faces
 
 
 def _added_pieces(world: RecordedWorld, marks: Marks, names: Sequence[str]) -> Iterator[ScenePiece]:

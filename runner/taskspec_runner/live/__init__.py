@@ -1,1 +1,1 @@
-"""Pages that are looked at while they come about: a server on loopback, and what it serves."""
+"""Pages watched while a run or a sweep goes on: a server on loopback, and what it serves."""

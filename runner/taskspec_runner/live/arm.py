@@ -43,7 +43,7 @@ class LiveArm:
         context = program.context
         self._joints = [f"joint.{i + 1}.position" for i in range(context.robot.n)]
         self._coordinates = coordinate_signals(true)
-        self._world = DrawnWorld(program, true)
+        self._world = DrawnWorld(context, true)
         self._world.settle(context.start_p + _AROUND)
 
     def values(self, row: Vector, columns: Mapping[str, float]) -> Vector:

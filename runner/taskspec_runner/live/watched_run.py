@@ -40,7 +40,7 @@ _DIGITS = 6
 _SPEED_OVER = 1.0
 #: It takes a browser so long to open a page [s].
 _OPENING = 5.0
-#: A run that is looked at may fall behind the wall clock so far before that is forgiven [s].
+#: A run that is watched may fall behind the wall clock so far before that is forgiven [s].
 _BEHIND = 0.1
 #: A verdict on what there is is made no more often [s], and takes no more of the time than a share.
 _JUDGED_EVERY, _JUDGED_SHARE = 0.5, 0.1

@@ -75,7 +75,7 @@ class WatchedSweep:
         if self._over and written.is_file():
             return written.read_text(encoding="utf-8")
         if not self._over:
-            # What a page is told is no older than what it has.
+            # What a page is sent is no older than what it has.
             self._send(glimpse)
         rows = folder.rows.copy()
         ordered = tuple(rows[index] for index in sorted(rows))

@@ -12,19 +12,17 @@ from numpy.typing import NDArray
 
 from taskspec.program.plan import TaskPlan
 from taskspec.program.world.holding import truly_holding
-from taskspec_runner.plant.arm import SceneArm
-from taskspec_runner.plant.looks import settle
 from taskspec_runner.plant.names import PREFIX
-from taskspec_runner.plant.scene import build_scene
 from taskspec_runner.plant.shapes import visible_name
 from taskspec_runner.preview.rays import RayCamera, RayPicture
 from taskspec_runner.preview.sheets import DrawingSheet, PixelSheet, SvgSheet
 from taskspec_runner.preview.stages import PicturedStage, pictured, triad
-from taskspec_runner.video.camera import Framing, View, axes_of
+from taskspec_runner.video.camera import Framing, View, arm_bodies, axes_of
 from taskspec_runner.video.equations import equation_surfaces
 from taskspec_runner.video.labels import Labels, Rectangle, width_of
 from taskspec_runner.video.lettering import Color, rgb
 from taskspec_runner.video.marks import COLORS, MOTION, TRACE
+from taskspec_runner.video.world import DrawnWorld
 
 Vector = NDArray[np.float64]
 
@@ -63,14 +61,13 @@ class TaskPicture:
         loaded = context.loaded.task
         self._name, self._context, self._task = loaded.name, context, loaded
         self._stages = pictured(task)
-        start = truly_holding(context, loaded)
-        scene = build_scene(SceneArm(context.robot, loaded.robot, start), loaded, drawn=True)
-        self._model, self._data = scene.model, mujoco.MjData(scene.model)
-        joints = scene.arm.places(scene.model).positions
-        self._data.qpos[joints] = context.robot.coupling.joints(start)
-        self._tip = scene.model.body(context.robot.tip_body).id
-        settle(scene.model, self._data, loaded, self._path)
-        mujoco.mj_kinematics(scene.model, self._data)
+        world = DrawnWorld(context, loaded)
+        world.place_arm(truly_holding(context, loaded))
+        self._model, self._data = world.model, world.data
+        self._tip = world.model.body(context.robot.tip_body).id
+        self._arm = arm_bodies(world.model, self._tip)
+        world.settle(self._path)
+        mujoco.mj_kinematics(world.model, world.data)
 
     def svg(self, *, rows: bool = True, fineness: float = 1.5) -> bytes:
         """The picture as an SVG file, readable from 390 px on and on any background.
@@ -139,7 +136,7 @@ class TaskPicture:
             sheet.text((_WORDS + 14, y), shown, _WORD, _ink(kind))
         return top + height
 
-    # What is to be seen
+    # What is shown, and from where
 
     @cached_property
     def _path(self) -> Vector:
@@ -148,7 +145,7 @@ class TaskPicture:
 
     @cached_property
     def _angles(self) -> tuple[float, float]:
-        """Azimuth and elevation [deg] from which tool, frames and path are best seen."""
+        """Azimuth and elevation [deg] from which tool, frames and path are most visible."""
         choices = [(float(a), e) for e in _ELEVATIONS for a in _AZIMUTHS]
         return max(choices, key=self._worth)
 
@@ -181,14 +178,6 @@ class TaskPicture:
             self._model, self._data, start, backward, shown, True, self._tip, hit, None
         )
         return bool(at < 0)
-
-    @cached_property
-    def _arm(self) -> list[int]:
-        """Bodies from the tip to the base."""
-        found = [self._tip]
-        while self._model.body_parentid[found[-1]] > 0:
-            found.append(int(self._model.body_parentid[found[-1]]))
-        return found
 
     def view(self, aspect: float, *, near: bool) -> View:
         """The view of the whole arm, or that of what the tool is to do."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +30,15 @@ class Triangles:
 
     vertices: Vector
     faces: Indices
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, mesh: int) -> Triangles:
+        """A mesh of a model, by its number."""
+        first, start = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
+        return cls(
+            model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])].astype(float),
+            model.mesh_face[start : start + int(model.mesh_facenum[mesh])].astype(np.int64),
+        )
 
     def clustered(self, cell: float) -> Triangles:
         """The mesh with all vertices of a cell of a grid [m] in their mean."""

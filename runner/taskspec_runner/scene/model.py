@@ -128,7 +128,7 @@ def _geoms(model: mujoco.MjModel) -> tuple[list[Json], list[Triangles]]:
             number = int(model.geom_dataid[geom])
             if (field, number) not in numbers:
                 numbers[field, number] = len(meshes)
-                meshes.append(_field(model, number) if field else _mesh(model, number))
+                meshes.append(_field(model, number) if field else Triangles.of(model, number))
             shown["mesh"] = numbers[field, number]
         found.append(shown)
     return found, meshes
@@ -148,11 +148,17 @@ def geom_data(
     }
 
 
+def coloring_material(model: mujoco.MjModel, geom: int) -> int:
+    """The number of the material that gives a geom its colour; -1 where it has one of its own."""
+    material = int(model.geom_matid[geom])
+    return material if np.allclose(model.geom_rgba[geom], _UNSET) else -1
+
+
 def _color(model: mujoco.MjModel, geom: int) -> list[float]:
     """RGBA of a geom; of a texture its mean."""
-    own, material = model.geom_rgba[geom].tolist(), int(model.geom_matid[geom])
-    if material < 0 or not np.allclose(own, _UNSET):
-        return [float(each) for each in own]
+    material = coloring_material(model, geom)
+    if material < 0:
+        return [float(each) for each in model.geom_rgba[geom]]
     color = model.mat_rgba[material].astype(float)
     texture = int(model.mat_texid[material, int(mujoco.mjtTextureRole.mjTEXROLE_RGB)])
     if texture >= 0:
@@ -162,14 +168,6 @@ def _color(model: mujoco.MjModel, geom: int) -> list[float]:
         texels = model.tex_data[first : first + count].reshape(-1, channels)[:, :3]
         color[:3] *= texels.mean(axis=0) / 255
     return [float(each) for each in color]
-
-
-def _mesh(model: mujoco.MjModel, number: int) -> Triangles:
-    vertices, faces = int(model.mesh_vertadr[number]), int(model.mesh_faceadr[number])
-    return Triangles(
-        model.mesh_vert[vertices : vertices + int(model.mesh_vertnum[number])].astype(float),
-        model.mesh_face[faces : faces + int(model.mesh_facenum[number])].astype(np.int64),
-    )
 
 
 def _field(model: mujoco.MjModel, number: int) -> Triangles:

@@ -108,12 +108,12 @@ def frame_run(world: RecordedWorld) -> Framing:
 
 def frame_arm(model: mujoco.MjModel, data: mujoco.MjData, tip_body: int) -> Framing:
     """An arm as it stands: of a run of which nothing is known yet."""
-    arm = _chain(model, tip_body)
+    arm = arm_bodies(model, tip_body)
     points = np.vstack([data.xpos[arm] + offset for offset in _LINK_OFFSETS])
     return Framing.of(points, (_USUAL_AZIMUTH, _ELEVATIONS[1]))
 
 
-def _chain(model: mujoco.MjModel, tip_body: int) -> list[int]:
+def arm_bodies(model: mujoco.MjModel, tip_body: int) -> list[int]:
     """Bodies from the tip to the base."""
     arm = [tip_body]
     while model.body_parentid[arm[-1]] > 0:
@@ -204,7 +204,7 @@ def _looked_at(world: RecordedWorld) -> tuple[NDArray[np.int64], Vector, Vector]
     recording, model = world.recording, world.model
     rows = np.unique(np.linspace(0, len(recording) - 1, _FITTED_ROWS).astype(int))
     tip_body = model.body(recording.program.context.robot.tip_body).id
-    arm = _chain(model, tip_body)
+    arm = arm_bodies(model, tip_body)
     bodies, samples = [], []
     for row in rows:
         data = world.show(int(row))

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.program import Program
+from taskspec.program.context import Context
 from taskspec.program.world.holding import truly_holding
 from taskspec.spec import Task
 from taskspec_runner.plant.arm import SceneArm
@@ -37,9 +37,8 @@ class DrawnWorld:
         links: pairs of bodies of the arm between which nothing is drawn by the robot's file.
     """
 
-    def __init__(self, program: Program, true: Task) -> None:
-        """The world of a program's plant, which is that of a task."""
-        context = program.context
+    def __init__(self, context: Context, true: Task) -> None:
+        """The world of a plant, which is that of a task; the arm is of the task's context."""
         start = truly_holding(context, true)
         scene = build_scene(SceneArm(context.robot, true.robot, start), true, drawn=True)
         model = scene.model
@@ -54,6 +53,10 @@ class DrawnWorld:
         self._coordinates = _coordinate_places(model, true)
         self._loose_at = [int(model.joint(PREFIX + name).qposadr[0]) for name in loose(true)]
 
+    def place_arm(self, q: Vector) -> None:
+        """Gives the arm its joints' positions (joints,) [rad or m]."""
+        self.data.qpos[self._joints] = self._coupling.joints(q)
+
     def put(
         self, clock: float, q: Vector, coordinates: Sequence[float], loose: Vector
     ) -> mujoco.MjData:
@@ -67,7 +70,7 @@ class DrawnWorld:
         """
         data = self.data
         data.time = clock
-        data.qpos[self._joints] = self._coupling.joints(q)
+        self.place_arm(q)
         data.qpos[self._coordinates] = coordinates
         for i, at in enumerate(self._loose_at):
             data.qpos[at : at + 7] = loose[7 * i : 7 * i + 7]
@@ -95,7 +98,7 @@ class RecordedWorld(DrawnWorld):
     """
 
     def __init__(self, recording: Recording) -> None:
-        super().__init__(recording.program, recording.true)
+        super().__init__(recording.program.context, recording.true)
         self.recording = recording
         columns = recording.history.columns
         self._columns = [columns[name] for name in coordinate_signals(recording.true)]
