@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from taskspec.deferred_methods import dataclass
@@ -12,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The command of a law; `resolution.torque` makes joint torques of it.
+    """The command of a law; `resolution` makes of it what the joints are commanded.
 
     Attributes:
         wrench: (m,) w*, sent through J^T.
@@ -22,6 +24,9 @@ class Command:
         joint_acceleration: (n,) q'' of the whole arm, in place of `acceleration` and posture, from
             laws that decide all its coordinates.
         bare: nothing is compensated, not even gravity.
+        velocity: (m,) of the task axes, of laws that command velocities; else None.
+        joint_velocity: (n,) of the whole arm, in place of `velocity` and posture.
+        memory: what the law remembers, by the name of its slot.
     """
 
     wrench: ca.SX
@@ -29,3 +34,6 @@ class Command:
     joint: ca.SX | None = None
     joint_acceleration: ca.SX | None = None
     bare: bool = False
+    velocity: ca.SX | None = None
+    joint_velocity: ca.SX | None = None
+    memory: Mapping[str, ca.SX] = field(default_factory=dict)

@@ -52,6 +52,11 @@ def acceleration(pull: ca.SX, v: ca.SX) -> ca.SX:
     return w**2 * pull - 2 * w * v
 
 
+def velocity(pull: ca.SX) -> ca.SX:
+    """q'_p (n,) of the summed pulls (n,), w pull with w = 2 pi `FREQUENCY`."""
+    return 2 * ca.pi * FREQUENCY * pull
+
+
 def posture(q: ca.SX, target: ca.SX) -> ca.SX:
     """Pull (n,) towards the posture `target` (n,)."""
     return target - q

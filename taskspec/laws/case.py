@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import casadi as ca
 
@@ -48,6 +48,10 @@ class FreeDirections:
     rate: float
 
 
+def _nothing(name: str) -> ca.SX:
+    raise LookupError(name)
+
+
 @dataclass(frozen=True, slots=True)
 class Case:
     """A stage as its law sees it: state, references and gains on the task axes.
@@ -67,6 +71,9 @@ class Case:
         free: directions of the mechanism that it holds, where the law takes the form for that;
             else None.
         joints: reference of a path of joints; None where the axes of the tool are controlled.
+        period: of control [s].
+        remembered: what the tick before kept in the slot of a name, 0 as the stage begins; what
+            is kept now is the command's `memory`.
     """
 
     state: TaskState
@@ -80,6 +87,8 @@ class Case:
     constraints: Multipliers | None = None
     free: FreeDirections | None = None
     joints: JointReference | None = None
+    period: float = 0.0
+    remembered: Callable[[str], ca.SX] = _nothing
 
     def gain(self, name: str, axis: Axis) -> float:
         """One gain on one axis [SI]."""

@@ -23,6 +23,16 @@ SPRING_FREQUENCY = 2.0
 SPRING_DAMPING_RATIO = 0.7
 #: A designed force loop answers at this frequency [Hz].
 INTEGRAL_FREQUENCY = 2.0
+#: Of a motion that is commanded by velocity [Hz].
+_VELOCITY_BANDWIDTH = 2.0
+#: M / D of an admittance without a mass of the file [s].
+_LAG = 0.005
+#: How many times its least stable damping a force loop over a servo has.
+GAIN_MARGIN = 3.0
+#: Damping of such a loop where no stiffness is known [N s/m].
+_UNKNOWN_CONTACT = 500.0
+#: Rounds in which damping and lag of a given mass come to agree.
+_ROUNDS = 40
 #: K_F of (4.121), which has no integral to rely on.
 _REACTION_GAIN = 0.5
 _JAMMED = "designed: Lambda_ii, by which the axis does not flip where walls hold the tool"
@@ -130,6 +140,67 @@ def force_loop(law: DesignedLaw, axis: AxisDesign, damping: Gain | None = None) 
     loop = {"force.proportional": proportional, "force.damping": damping}
     loop |= {"force.integral": integral} if integrates else {}
     return loop | ({"force.mass": mass} if mass is not None else {})
+
+
+def velocities(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
+    """Gains of an axis that is commanded by velocity: its own motion, or its force by p, i and d."""
+    if not axis.force:
+        return _followed(axis)
+    gains = {
+        "force.proportional": axis.of_the_law("force.proportional") or Gain(1.0, "designed: 1"),
+        "force.damping": axis.of_the_law("force.damping") or _over_servo(axis.plant),
+    }
+    if "force.integral" in law.gain_names:
+        damping = gains["force.damping"].value
+        rate = Gain(axis.plant.k / (8 * damping), "designed: k / (8 d)")
+        gains["force.integral"] = axis.of_the_law("force.integral") or rate
+    return gains
+
+
+def admittance(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:  # noqa: ARG001
+    """M, D and K of an axis that a force moves; the bandwidth of one that no force moves."""
+    if not (axis.force or axis.soft):
+        return _followed(axis)
+    damping = axis.own_damping or axis.of_the_law("damping")
+    stiffness = Gain(0.0, "free") if axis.force else axis.own_stiffness or Gain(0.0, "none given")
+    mass = axis.of_the_law("mass")
+    if damping is None:
+        damping = _over_servo(axis.plant, None if mass is None else mass.value)
+        if mass is not None and stiffness.value > 0:
+            own = 2 * SPRING_DAMPING_RATIO * math.sqrt(mass.value * stiffness.value)
+            if own > damping.value:
+                damping = Gain(own, "designed: 2 0.7 sqrt(mass stiffness)")
+    if mass is None:
+        mass = Gain(_LAG * damping.value, f"designed: {_LAG * 1e3:g} ms damping")
+    return {"mass": mass, "damping": damping, "stiffness": stiffness}
+
+
+def _followed(axis: AxisDesign) -> dict[str, Gain]:
+    """Of a motion that velocities follow."""
+    bandwidth = axis.of_the_law("bandwidth") or Gain(_VELOCITY_BANDWIDTH, "designed: 2 Hz")
+    return {
+        "bandwidth": bandwidth,
+        "K_V": Gain(2 * math.pi * bandwidth.value, "2 pi bandwidth"),
+    }
+
+
+def _over_servo(plant: AxisPlant, mass: float | None = None) -> Gain:
+    """The damping of a force loop that a servo follows: three times the least that is stable.
+
+    The least one has the loop's gain 1 where its phase is -180 degrees, so that three times as much
+    is a gain margin of three.
+    """
+    stiffest = max(plant.k, plant.face)
+    if plant.servo is None or stiffest <= 0 or not math.isfinite(stiffest):
+        return Gain(_UNKNOWN_CONTACT, "designed: no stiffness is known")
+    if mass is None:
+        least = plant.servo.least_damping(plant.h, stiffest, _LAG)
+        return Gain(GAIN_MARGIN * least, "designed: 3 times the least that is stable")
+    least = damping = plant.servo.least_damping(plant.h, stiffest)
+    for _ in range(_ROUNDS):
+        least = plant.servo.least_damping(plant.h, stiffest, mass / damping)
+        damping = (damping + least) / 2
+    return Gain(GAIN_MARGIN * least, "designed: 3 times the least that is stable with this mass")
 
 
 def _integral(plant: AxisPlant, damping: float) -> Gain:

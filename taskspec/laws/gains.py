@@ -12,6 +12,7 @@ from taskspec.text import units
 from taskspec.text.units import Dimension, scaled, show
 
 if TYPE_CHECKING:
+    from taskspec.laws.servo_loop import ServoLoop
     from taskspec.expression import Expression
 
 
@@ -49,11 +50,15 @@ STIFFNESS = LawGain("stiffness", units.STIFFNESS)
 DAMPING = LawGain("damping", units.DAMPING)
 #: What a file calls the damping of a law that damps joints.
 JOINT_DAMPING = LawGain("joint_damping", units.DAMPING)
-BANDWIDTH = LawGain("bandwidth", units.FREQUENCY, powers={"bandwidth": 1, "K_P": 2, "K_D": 1})
+BANDWIDTH = LawGain(
+    "bandwidth", units.FREQUENCY, powers={"bandwidth": 1, "K_P": 2, "K_D": 1, "K_V": 1}
+)
 DAMPING_RATIO = LawGain("damping_ratio", powers={"damping_ratio": 1, "K_D": 1})
 #: Of motion loops that command accelerations; both follow from bandwidth and damping ratio.
 K_P = LawGain("K_P", units.FREQUENCY**2)
 K_D = LawGain("K_D", units.FREQUENCY, "1/s")
+#: Of motion loops that command velocities.
+K_V = LawGain("K_V", units.FREQUENCY, "1/s")
 FORCE_PROPORTIONAL = LawGain("force.proportional")
 FORCE_INTEGRAL = LawGain("force.integral", units.FREQUENCY, "1/s")
 FORCE_DAMPING = LawGain("force.damping", units.DAMPING)
@@ -135,6 +140,8 @@ class AxisPlant:
         damper: what a law's form for the mechanism damps the axis with [N s/m, N m s/rad]; None
             where the law damps it by its own rules.
         face: stiffness about the axis of a face that lies flat [N m/rad]; 0 without.
+        servo: the joint servo that follows the command, of an arm that takes velocities or
+            positions; None for one that takes torques.
         jammed: the apparent mass that a force axis has at least, so that it does not flip where
             walls and their friction hold the tool [kg]; 0 where they cannot.
     """
@@ -147,6 +154,7 @@ class AxisPlant:
     damper: float | None = None
     face: float = 0.0
     jammed: float = 0.0
+    servo: ServoLoop | None = None
 
     @property
     def jams(self) -> bool:

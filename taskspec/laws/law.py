@@ -42,6 +42,8 @@ class ControlLaw(ABC):
         mechanism_form: it has a form for a held mechanism, which takes no measured force off.
         undamped: where damping comes from, of a law that damps no axis; else empty.
         rest: equation of the force that its springs come to rest with.
+        commands: what it commands the joints: `torque`, or `velocity`, which an arm that takes
+            positions is commanded by as well.
     """
 
     kind: ClassVar[str]
@@ -61,6 +63,7 @@ class ControlLaw(ABC):
     mechanism_form: ClassVar[bool] = False
     undamped: ClassVar[str] = ""
     rest: ClassVar[str] = "K e"
+    commands: ClassVar[str] = "torque"
 
     @abstractmethod
     def command(self, case: Case) -> Command:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.program.contacts import Obstacles
+from taskspec.program.drives import Drives
 from taskspec.program.world.bushings import BushingModel
 from taskspec.program.world.equations import EquationModel, StartEquation
 from taskspec.program.world.frames import FrameModel
@@ -43,6 +44,7 @@ class Context:
         start_gaps: distance [m] of the tool from each object there.
         start_normals: (3,) outward normal of each object at the tool, world.
         obstacles: the objects that the tool may touch.
+        drives: what the joints are commanded.
         period: control period [s].
     """
 
@@ -66,6 +68,7 @@ class Context:
     start_gaps: Mapping[str, float]
     start_normals: Mapping[str, NDArray[np.float64]]
     obstacles: Obstacles
+    drives: Drives
     period: float
 
     @property

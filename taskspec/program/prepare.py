@@ -101,6 +101,7 @@ def prepare(
         obstacles=Obstacles(
             robot, {o: s.uncut() for o, s in surfaces.items() if o != task.robot.grasp}, bases
         ),
+        drives=drives(robot, task.robot, 1.0 / task.control.rate),
         period=1.0 / task.control.rate,
     )
 

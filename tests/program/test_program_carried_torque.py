@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taskspec.compiler import compile_unchecked
-from taskspec.program.stages.carried_torque import FADING
+from taskspec.program.drives import TORQUE_FADING as FADING
 from taskspec.spec import load_text
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.sensing import Sensing

@@ -13,7 +13,7 @@ from taskspec.compiler import compile_task
 from taskspec.examination import check_task
 from taskspec.laws.computed_torque import BANDWIDTH
 from taskspec.planning import plan_task
-from taskspec.program.stages.carried_torque import FADING
+from taskspec.program.drives import TORQUE_FADING as FADING
 from taskspec.program.walk.joint_walk import joint_states, torques
 from taskspec.robot.poses import mirrored
 from taskspec.spec import load_text

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.program.execution.transition import Transition
-from taskspec.program.stages.carried_torque import FADING
+from taskspec.program.drives import TORQUE_FADING
 from taskspec_runner.record.file_array import blocks
 from taskspec_runner.record.history import History
 
@@ -67,7 +67,7 @@ def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
     if not step:
         return
     if step["from"] == step["to"] and "joint" in step:
-        if step["value"] > SHARP * FADING * summary["period"]:
+        if step["value"] > SHARP * TORQUE_FADING * summary["period"]:
             yield (
                 f"{step['to']}: the torque of joint {step['joint']} steps by "
                 f"{step['value']:.3g} N*m from one tick to the next, at {step['clock']:.3f} s"

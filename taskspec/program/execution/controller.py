@@ -132,8 +132,8 @@ def _add_up(c: ControllerMemory) -> None:
 def start(c: ControllerMemory) -> None:
     """Begins the task at its first stage, whose memory this is, from rest at what is measured."""
     _measure(c)
-    copy(c.gravity, c.torque, c.n)
-    copy(c.gravity, c.torque_before, c.n)
+    copy(c.rest, c.torque, c.n)
+    copy(c.rest, c.torque_before, c.n)
     zero(c.handed, c.n_handed)
     copy(c.tip_position, c.handed[c.i_handed_p :], 3)
     copy(c.tip_rotation, c.handed[c.i_handed_R :], 9)
@@ -200,7 +200,7 @@ def _fade(c: ControllerMemory) -> bool:
     fading[0] += 1
     share = max(0.0, 1.0 - float(fading[0]) / float(HELD_TICKS))
     for i in range(c.n):
-        wanted[i] = c.gravity[i] + share * (c.fade_from[i] - c.gravity[i])
+        wanted[i] = c.rest[i] + share * (c.fade_from[i] - c.rest[i])
     copy(c.new_torque, c.holding.law, c.n)
     copy(c.torque_before, c.holding.before, c.n)
     c.holding.finite = int(math.isfinite(out[c.i_violation]))

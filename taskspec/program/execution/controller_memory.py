@@ -123,6 +123,7 @@ class ControllerMemory(Evaluations):
     # of the model's terms
     inertia: Vector
     gravity: Vector
+    rest: Vector  # what is commanded of an arm at rest
     tip_position: Vector
     tip_rotation: Vector
 
@@ -221,6 +222,7 @@ def _shared(machine: Machine) -> ControllerMemory:
     record.take(
         inertia=inertia,
         gravity=gravity,
+        rest=machine.rest,
         tip_position=position,
         tip_rotation=rotation,
         handed=machine.handed,

@@ -31,18 +31,18 @@ class FadeOut:
         """Forgets the fade-out: there is an answer again."""
         self._ticks = 0
 
-    def step(self, applied: Vector, gravity: Vector) -> Vector:
+    def step(self, applied: Vector, rest: Vector) -> Vector:
         """The torque (n,) to aim at in one more tick without an answer [N m].
 
         Args:
             applied: (n,) of the tick before.
-            gravity: (n,) what carries the arm.
+            rest: (n,) what is commanded of an arm at rest.
         """
         if self._ticks == 0:
             self._from[:] = applied
         self._ticks += 1
         share = max(0.0, 1.0 - self._ticks / HELD_TICKS)
-        faded: Vector = gravity + share * (self._from - gravity)
+        faded: Vector = rest + share * (self._from - rest)
         return faded
 
 

@@ -76,6 +76,7 @@ class Machine:
         period: of control [s].
         runners: of the stages, in their order; `runner` is that of the current one.
         terms: the model terms.
+        rest: (n,) what an arm at rest is commanded: the torques that carry it, or no velocity.
         now: stage time, run time [s], and how often each stage has been entered.
         estimation: what is measured for later stages.
         counts: which stage follows an event, and how often stages have been entered.
@@ -111,6 +112,8 @@ class Machine:
         self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self.terms = terms(robot, self.q, self.v)
+        torques = stages[0].plan.context.drives.torques
+        self.rest = self.terms.gravity if torques else np.zeros(robot.n)
         self.now = np.zeros(2 + len(stages))
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.handed = np.zeros(hand_over.SIZE)
@@ -152,7 +155,7 @@ class Machine:
     def start(self) -> None:
         """Enters the first stage from rest at the measured pose."""
         self.update_terms()
-        self.torque[:] = self.terms.gravity
+        self.torque[:] = self.rest
         self._rest_here()
         self._begin(0)
         self._enter(0.0)
@@ -272,7 +275,7 @@ class Machine:
         not committed: the tick did not happen. Returns the number of an event.
         """
         assert runner.solver is not None
-        runner.solver.hold(self._fading.step(self.applied, self.terms.gravity))
+        runner.solver.hold(self._fading.step(self.applied, self.rest))
         if self._fading.over and self.followed:
             self._end(clock, unanswered(runner.solver.status), 0.0, "")
             return 1.0

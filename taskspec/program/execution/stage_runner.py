@@ -81,7 +81,9 @@ class StageRunner:
         slots = stage.parameters.slots
         self.carried = np.zeros(1)
         step = *(parameters[slots[name]] for name in (STEP, RATE)), self.carried
-        self.carrying = BoundFunction(carrying(len(torque)), [last, self._closed_form], step)
+        self.carrying = BoundFunction(
+            carrying(len(torque), stage.plan.context.drives.fading), [last, self._closed_form], step
+        )
         self.chooser, self.least_conditioning = None, -np.inf
         if stage.choice is not None:
             self.chooser = Chooser(stage.choice, stage.parameters, arguments)

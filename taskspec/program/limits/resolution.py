@@ -8,10 +8,10 @@ from functools import cache
 import casadi as ca
 
 from taskspec.deferred_methods import dataclass
+from taskspec.program.drives import Drives
 from taskspec.program.limits.bounds import Row, TorqueRange
 from taskspec.program.limits.consistency import Consistency, Requests
 from taskspec.program.limits.limited import LimitRows, matrices
-from taskspec.robot import RobotModel
 
 #: What is left of a request below this share of it is rounding.
 _ROUNDING = 1e-6
@@ -181,7 +181,7 @@ def _left(g: int, r: int) -> ca.Function:
     return ca.Function("left", [ca.vec(effect), values, x], [ca.if_else(rounding, 0, left)])
 
 
-def saturated(robot: RobotModel, wanted: ca.SX) -> ca.SX:
-    """Torque (n,) as the actuators make it of the command of a closed form."""
-    limit = ca.DM(robot.torque_limit)
+def saturated(drives: Drives, wanted: ca.SX) -> ca.SX:
+    """Command (n,) as the joints take it of that of a closed form."""
+    limit = ca.DM(drives.most)
     return ca.fmax(ca.fmin(wanted, limit), -limit)

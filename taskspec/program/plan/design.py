@@ -148,6 +148,7 @@ class DesignRules:
                 period=period,
                 grip=environment.grip_damping(a) if self._contacts.held else None,
                 face=environment.face if a.is_rotation else 0.0,
+                servo=self._context.drives.loop,
                 jammed=ratio / float(mobility[i, i]) if a in jams and ratio > FLIPPING else 0.0,
             )
             for i, a in enumerate(self._kinematics.axes)

@@ -358,8 +358,13 @@ class StagePlan:
 
     @property
     def torque_rates(self) -> Vector:
-        """(n,) how fast each torque may change [N m/s, N/s]; infinite where nothing limits it."""
-        n = self.context.robot.n
+        """(n,) how fast each command may change [1/s of its unit]; infinite where nothing does.
+
+        That is a torque [N m, N], or a velocity [rad/s, m/s] that a servo follows.
+        """
+        drives, n = self.context.drives, self.context.robot.n
+        if not drives.torques:
+            return drives.rates
         found = np.full(n, self.limits.torque_rate or np.inf)
         protection = self.context.loaded.task.robot.protection
         joints = None if protection is None else protection.joints

@@ -1,11 +1,11 @@
-"""The difference of the last stage's torque to this one's, as it fades.
+"""The difference of the last stage's command to this one's, as it fades.
 
-Two laws command different torques for the same measurement. The difference as a stage begins, D, is
-added to what its law commands, and fades,
+Two laws command different torques for the same measurement, or different velocities. The difference
+as a stage begins, D, is added to what its law commands, and fades,
 
-    u = u_law + D max(0, 1 - t/T_f),    T_f = max|D_j| / (1000 N m/s),
+    u = u_law + D max(0, 1 - t/T_f),    T_f = max|D_j| / rate,
 
-so that the torque goes on without a step. D is chosen once and is over after T_f: the closed loop,
+with the rate of the arm's `Drives`, so that the command goes on without a step. D is chosen once and is over after T_f: the closed loop,
 and so its stability, is that of the law alone. It comes before saturation and before the program,
 so that all limits hold for the sum.
 """
@@ -19,8 +19,6 @@ import casadi as ca
 from taskspec.program.clock import Clock
 from taskspec.program.slots import Slots
 
-#: How fast the joint fades that has most to fade [N m/s, N/s].
-FADING = 1000.0
 #: Slots of D and of 1/T_f.
 STEP, RATE = "carried_torque", "carried_torque.rate"
 
@@ -32,8 +30,10 @@ def fading(parameters: Slots, clock: Clock, joints: int) -> ca.SX:
 
 
 @cache
-def carrying(joints: int) -> ca.Function:
-    """Torque to go on from (n,), that of the law's closed form (n,) -> D, 1/T_f, max|D_j|.
+def carrying(joints: int, rate: float) -> ca.Function:
+    """Command to go on from (n,), that of the law's closed form (n,) -> D, 1/T_f, max|D_j|.
+
+    D fades at the rate in the joint that has most to fade.
 
     Of a step that is not finite nothing is carried.
     """
@@ -41,5 +41,5 @@ def carrying(joints: int) -> ca.Function:
     step = last - own
     most = ca.mmax(ca.fabs(step))
     carried = ca.logic_and(most > 0, ca.sumsqr(step) < ca.inf)
-    results = [ca.if_else(carried, value, 0) for value in (step, FADING / most, most)]
+    results = [ca.if_else(carried, value, 0) for value in (step, rate / most, most)]
     return ca.Function("carry", [last, own], [ca.densify(value) for value in results])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import casadi as ca
@@ -24,7 +25,7 @@ from taskspec.program.reference.references import build_references
 from taskspec.program.stages import carried_torque
 from taskspec.program.stages.free_directions import free_directions
 from taskspec.program.stages.multipliers import EquationForces, constrain, equation_forces
-from taskspec.program.stages.null_space import null_space_acceleration
+from taskspec.program.stages.null_space import null_space_command
 from taskspec.robot.inverse_kinematics import turns_at
 
 
@@ -40,6 +41,7 @@ class Commanded:
         closed_form: (n,) torque of its closed form [N m].
         torque: (n,) the same with what is left of the last stage's.
         conditions: that come with the angles in which the law is stated.
+        kept: what the law remembers, by the slot of the memory.
     """
 
     references: ReferenceSet
@@ -49,6 +51,7 @@ class Commanded:
     closed_form: ca.SX
     torque: ca.SX
     conditions: list[Condition]
+    kept: Mapping[str, ca.SX]
 
     @property
     def set_points(self) -> dict[str, ca.SX]:
@@ -93,7 +96,7 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         control = constrain(chosen, forces, references, measurement.clock, measurement.parameters)
     posture = None
     if joints is None:  # Else all joints are led.
-        posture = null_space_acceleration(
+        posture = null_space_command(
             law, context, measurement.state, measurement.world, inputs.q, inputs.v
         )
     plans = plan.plans
@@ -109,10 +112,22 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         constraints=control,
         free=free_directions(plan, measurement) if plan.consistent else None,
         joints=joints,
+        period=context.period,
+        remembered=measurement.memory.add,
     )
     wanted, terms = law.control_law.command(case), measurement.terms
-    closed_form = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)
+    if law.control_law.commands == "velocity":
+        closed_form = resolution.velocity(wanted, state, posture)
+    else:
+        closed_form = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)
     fading = carried_torque.fading(measurement.parameters, measurement.clock, closed_form.shape[0])
     return Commanded(
-        references, forces, chosen, case, closed_form, closed_form + fading, conditions
+        references,
+        forces,
+        chosen,
+        case,
+        closed_form,
+        closed_form + fading,
+        conditions,
+        wanted.memory,
     )

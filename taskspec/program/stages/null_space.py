@@ -26,10 +26,12 @@ def goals(law: Law, robot: RobotModel, axes: tuple[Axis, ...]) -> tuple[str, ...
     return law.null_space if redundant and law.control_law.holds_null_space else ()
 
 
-def null_space_acceleration(
+def null_space_command(
     law: Law, context: Context, state: TaskState, world: TermSymbols, q: ca.SX, v: ca.SX
 ) -> ca.SX | None:
-    """q''_p (n,) that the law wants in the null space; None where it wants nothing there.
+    """What the law wants in the null space; None where it wants nothing there.
+
+    That is q''_p (n,), or q'_p (n,) under a law that commands velocities.
 
     Args:
         law: of the stage.
@@ -50,6 +52,8 @@ def null_space_acceleration(
         "manipulability": lambda: null_space.manipulability(world.J, robot.axes, J_task, units),
     }
     pull = sum((pulls[goal]() for goal in wanted[1:]), start=pulls[wanted[0]]())
+    if law.control_law.commands == "velocity":
+        return null_space.velocity(pull)
     return null_space.acceleration(pull, v)
 
 

@@ -114,7 +114,7 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     filled = plan.but(gains=live)
     commanded = command(filled, measurement)
     limited = _limited(plan, measurement, commanded) if plan.law.solve == "qp" else None
-    torque = limited.limits.torque if limited else saturated(context.robot, commanded.torque)
+    torque = limited.limits.torque if limited else saturated(context.drives, commanded.torque)
     measurement.table.situation.torque = torque
     number, value, events = code(_conditions(plan, measurement, commanded))
     memory, parameters, references = (
@@ -123,6 +123,7 @@ def _compiled(plan: StagePlan) -> CompiledStage:
         commanded.references,
     )
     updates = references.updates | commanded.forces.updates | measurement.algebra.updates
+    updates |= commanded.kept
     remembered = memory.stack(updates)
     results = [
         torque,

@@ -1,0 +1,75 @@
+"""Admittance control: the arm moves as a mass, a spring and a damper would under what it feels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from taskspec.control.command import Command
+from taskspec.laws import design
+from taskspec.laws.gains import BANDWIDTH, DAMPING, K_V, MASS, STIFFNESS, AxisDesign, Gain
+from taskspec.laws.law import ControlLaw, register
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from taskspec.geometry.axis import Axis
+    from taskspec.laws.case import Case
+
+
+@register
+class Admittance(ControlLaw):
+    """The dual of impedance, for an arm that takes velocities or positions.
+
+    Force and soft axes:  M x'' + D x' + K (x - x_d) = f - f_d, K = 0 on a force axis, integrated
+        once a period with damper and spring taken at its end; x' is against the reference.
+    Motion axes:          x' = x'_d + w e, w = 2 pi bandwidth.
+
+    The spring is that of the measured position, so that it comes to rest where K e = f_d - f
+    whatever the servo has lost.
+    """
+
+    kind = "admittance"
+    title = "admittance control"
+    equations = "M x'' + D x' + K x = f - f_d"
+    gains = (BANDWIDTH, MASS, DAMPING)
+    derived = (K_V, STIFFNESS)
+    commands = "velocity"
+    force_loop = True
+    selects = True
+    rest = "K e of the soft axis"
+
+    def design(self, axis: AxisDesign) -> dict[str, Gain]:
+        """M, D and K of a force axis or a soft one; the bandwidth of others."""
+        return design.admittance(self, axis)
+
+    def command(self, case: Case) -> Command:
+        """The velocity of each axis, and the memory of those that have a mass."""
+        state, reference = case.state, case.reference
+        velocity = reference.velocity + case.diagonal("K_V") * reference.error
+        kept: dict[str, ca.SX] = {}
+        for axis in (*case.force, *case.soft):
+            i = state.axes.index(axis)
+            rate = case.remembered(slot(axis))
+            kept[slot(axis)] = moved = self._rate(case, axis, rate)
+            velocity[i] = reference.velocity[i] + moved
+        return Command(wrench=0 * state.f, velocity=velocity, memory=kept)
+
+    def _rate(self, case: Case, axis: Axis, rate: ca.SX) -> ca.SX:
+        """x' against the reference after one more period."""
+        state, reference, T = case.state, case.reference, case.period
+        i = state.axes.index(axis)
+        M, D = case.gain("mass", axis), case.gain("damping", axis)
+        K = case.gain("stiffness", axis)
+        set_point = reference.force[i] if axis in case.force else reference.released[i]
+        pull = state.f[i] - set_point + K * reference.error[i]
+        return (M * rate + T * pull) / (M + T * D + T**2 * K)
+
+    def loop_damping(self, gains: Mapping[str, float]) -> float:
+        """D of the axis [N s/m]."""
+        return gains.get("damping", 0.0)
+
+
+def slot(axis: Axis) -> str:
+    """The slot of the memory with the velocity of an axis against its reference."""
+    return f"admitted.{axis}"

@@ -1,0 +1,77 @@
+"""The quantity that an arm's joints are commanded: torques, or velocities that a servo follows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
+from taskspec.laws.servo_loop import ServoLoop
+from taskspec.program.sensor import SensorModel
+from taskspec.robot import RobotModel
+
+if TYPE_CHECKING:
+    from taskspec.spec import Robot
+
+Vector = NDArray[np.float64]
+
+#: How fast what is left of the last stage's command fades, in the joint that has most to fade: a
+#: torque [N m/s, N/s], a velocity [rad/s^2, m/s^2].
+TORQUE_FADING, _VELOCITY_FADING = 1000.0, 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Drives:
+    """What the joints of an arm are commanded, in the machine's own terms.
+
+    An arm that takes positions is commanded by velocities too: whoever passes them on adds them up.
+
+    Attributes:
+        commands: `torque` [N m, N] or `velocity` [rad/s, m/s].
+        most: (n,) greatest size of a joint's command.
+        rates: (n,) how fast it may change [1/s of its unit]; infinite where nothing limits it.
+        fading: how fast what the last stage commanded fades [1/s of its unit].
+        loop: the servo, as force loops have it; None for torques.
+    """
+
+    commands: str
+    most: Vector
+    rates: Vector
+    fading: float
+    loop: ServoLoop | None = None
+
+    @property
+    def torques(self) -> bool:
+        """Whether torques are commanded, which carry the arm while it rests."""
+        return self.commands == "torque"
+
+
+def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
+    """The drives of an arm.
+
+    Args:
+        robot: its model.
+        declared: what the file says of it.
+        period: of control [s].
+    """
+    n = robot.n
+    if declared.command == "torque":
+        return Drives("torque", robot.torque_limit, np.full(n, np.inf), TORQUE_FADING)
+    servo = declared.servo
+    most, rates = robot.velocity_limit, np.full(n, np.inf)
+    if servo.velocity is not None:
+        most = np.minimum(most, servo.velocity)
+    if servo.acceleration is not None:
+        rates = np.minimum(rates, servo.acceleration)
+    sensor = declared.sensor
+    late = replace(SensorModel.of(sensor, period), pole=0.0).lag(period)
+    # A command is held for a period, half of it on the average.
+    delay = late + period / 2 + servo.delay
+    corner = math.inf if sensor.filter is None else 2 * math.pi * sensor.filter
+    w = 2 * math.pi * servo.bandwidth
+    loop = ServoLoop(w, servo.damping, delay, corner)
+    return Drives("velocity", most, rates, _VELOCITY_FADING, loop)
