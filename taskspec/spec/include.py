@@ -36,7 +36,7 @@ _ALLOWED = ("taskspec", "about", KEY, *SECTIONS)
 _ENDINGS = (".yaml", ".yml")
 MAX_FILES = 32
 #: Keys whose value may be the path of a file, with what they hang on.
-_PATHS = (("robot", "model"), ("robot", "protection"), ("path", "file"))
+_PATHS = (("robot", "model"), ("robot", "protection"), ("robot", "servo"), ("path", "file"))
 
 
 class Included(FieldType):

@@ -23,8 +23,9 @@ from taskspec.spec.model import REPORTED, mapping
 from taskspec.spec.names import collect_names, unused, warn_unused
 from taskspec.spec.params import evaluate_params
 from taskspec.spec.parse_context import ParseContext
-from taskspec.spec.protection_file import ProtectionFile
 from taskspec.spec.robot import Robot
+from taskspec.spec.robot_file import RobotFiles
+from taskspec.spec.servo import settle_servo
 from taskspec.spec.task import VERSION, Task
 from taskspec.spec.templates import expand
 from taskspec.spec.truth import grafted
@@ -217,8 +218,8 @@ def _load(
     inclusion = Inclusion(name, base, sources, found)
     inclusion.into(root)
     _name_entries(root, found)
-    protection = ProtectionFile(base, sources, found, inclusion)
-    if inclusion.missing or not protection.into(root):
+    named = RobotFiles(base, sources, found, inclusion)
+    if inclusion.missing or not named.into(root):
         raise SpecError(found.sorted(), sources)
     idle = unused(root)
     changes = overriding.Overrides(overrides, tuple(Task.model_fields), found)
@@ -228,7 +229,7 @@ def _load(
     changes.apply(root, templates=True)
     expand(root, found)
     changes.apply(root, templates=False)
-    if not protection.into(root):
+    if not named.into(root):
         raise SpecError(found.sorted(), sources)
     find_meshes(root, base, inclusion, found)
 
@@ -307,9 +308,12 @@ def _validate(
         for detail in error.errors(include_url=False, include_context=False):
             _translate(detail, root, context)
         return None
-    filled: dict[str, object] = {
-        "control": settle_rates(task.control, mapping(data.get("control")), context)
-    }
+    control = settle_rates(task.control, mapping(data.get("control")), context)
+    filled: dict[str, object] = {"control": control}
+    if not task.robot.takes_torques and not found.has_errors:
+        declared = mapping(mapping(data.get("robot")).get("servo"))
+        servo = settle_servo(task.robot.servo, control, declared, context)
+        filled["robot"] = task.robot.model_copy(update={"servo": servo})
     if "name" not in data:
         filled["name"] = _name_from(path)
     return task.model_copy(update=filled)

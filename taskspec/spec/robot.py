@@ -13,6 +13,7 @@ from taskspec.spec.model import Model, complete, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.protection import Protection
 from taskspec.spec.quantities import Constant, Entries, ForJoints, QuantityList
+from taskspec.spec.servo import COMMANDS, TORQUE, Servo
 from taskspec.spec.sizes import check_sizes
 from taskspec.spec.words import Free, NameReference, Switch, Texts, Word
 from taskspec.text.codes import register
@@ -286,6 +287,8 @@ class Robot(Model):
         grasp: the handle or loose body that it holds from the start; None for nothing.
         sensor: what measures the contact wrench.
         protection: where the robot's own controller stops; None where nobody says.
+        command: what its joints are commanded: torques, velocities or positions.
+        servo: how they follow velocities and positions; of an arm that takes torques, no matter.
     """
 
     noun = "a robot"
@@ -331,10 +334,31 @@ class Robot(Model):
         description="Where the robot's own controller stops: a built-in name (taskspec robots), "
         "the path of a YAML file, or what stands in one",
     )
+    command: Annotated[Literal["torque", "velocity", "position"], Word(COMMANDS, "command")] = (
+        Field(TORQUE, title="What its joints are commanded")
+    )
+    servo: Servo = Field(
+        Servo(),
+        title="Servo of its joints",
+        description="How it follows velocities and positions: a built-in name, the path of a YAML "
+        "file, or what stands in one",
+    )
+
+    @property
+    def takes_torques(self) -> bool:
+        """Whether its joints are commanded torques."""
+        return self.command == TORQUE
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
-        """Keeps out what only the real robot has."""
+        """Keeps out what only the real robot has, and the servo of an arm that takes torques."""
+        if "servo" in data and data.get("command", TORQUE) == TORQUE:
+            context.error(
+                "TS026",
+                "joints that are commanded torques have no servo",
+                data.node.key_span("servo"),
+                "say what they are commanded: command: velocity, or command: position",
+            )
         if "payload" in data and not context.truth:
             context.error(
                 "TS026",

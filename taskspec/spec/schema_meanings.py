@@ -244,6 +244,19 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
                           ("0.5 N*m*s/rad",)),
         "sensor": ("What the controller sees of the contact; by default all, one tick late.",
                    ({"noise": "0.1 N", "filter": "60 Hz"},)),
+        "command": ("By default torques; velocities and positions are followed by its servo.", ()),
+    },
+    "Servo": {
+        "bandwidth": ("Of the reference that it makes of commands; 20 Hz by default.", ("20 Hz",)),
+        "damping": ("Ratio of that reference and of the joints behind it; 1 by default.", (1,)),
+        "delay": ("From the controller's output to the servo; 4 ms by default.", ("4 ms",)),
+        "rate": ("Of the servo, in whole multiples of the controller's.", ("1 kHz",)),
+        "velocity": ("Greatest of its reference; by default that of the robot's file.",
+                     ("180 deg/s",)),
+        "acceleration": ("Greatest of its reference; by default none.", ("40 rad/s^2",)),
+        "jerk": ("Greatest of its reference; by default none.", ("5000 rad/s^3",)),
+        "stiffness": ("Torque of a joint that is off its reference; by default as the bandwidth "
+                      "makes it of the arm's inertia.", ("2000 N*m/rad",)),
     },
     "Rotation": _of_axes(rotation=True), "Translation": _of_axes(rotation=False),
     "Sensor": {

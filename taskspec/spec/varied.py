@@ -14,6 +14,7 @@ from taskspec.spec.model import Model, field_types
 from taskspec.spec.objects import MODELS
 from taskspec.spec.quantities import Constant, Entries, ForJoints
 from taskspec.spec.robot import Payload, Robot, Sensor, Tool
+from taskspec.spec.servo import VARIED, Servo
 from taskspec.text.units import Dimension
 
 
@@ -76,7 +77,8 @@ def _of_the_robot() -> Iterator[tuple[str, VariedValue]]:
     yield from ((key, own[key]) for key in ("joint_damping", "joint_friction"))
     yield from ((f"payload.{key}", each) for key, each in targets(Payload).items())
     yield from ((f"sensor.{key}", sensor[key]) for key in _SENSOR)
+    yield from ((f"servo.{key}", targets(Servo)[key]) for key in VARIED)
 
 
 ROBOT = MappingProxyType(dict(_of_the_robot()))
-"""Values of the robot; damping and friction of joints are those of every joint."""
+"""Values of the robot; those of joints are those of every joint."""

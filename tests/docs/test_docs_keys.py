@@ -49,6 +49,7 @@ from taskspec.spec.quantities import (
     QuantityList,
 )
 from taskspec.spec.robot import Flange, Noise, Payload, Pose, Sensor, Start, Tool
+from taskspec.spec.servo import Servo
 from taskspec.spec.set_point import SetPoint
 from taskspec.spec.stage import Branch, Stage, Within
 from taskspec.spec.sweep import Sweep
@@ -64,6 +65,7 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "robot.start": (Start,),
     "robot.sensor": (Sensor,),
     "robot.sensor.noise": (Noise,),
+    "robot.servo": (Servo,),
     "robot.protection": (Protection,),
     "robot.protection.joints": (ProtectedJoints,),
     "robot.protection.tip": (ProtectedTip,),

@@ -9,7 +9,7 @@ import pytest
 
 from taskspec.compiler import compile_task
 from taskspec.spec import load_text
-from taskspec.spec.protection_file import builtin_protections
+from taskspec.spec.robot_file import built_in
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
@@ -175,7 +175,7 @@ def test_qp_keeps_the_torque_rate():
 
 
 def test_built_in_protections_have_sources_and_let_a_press_pass():
-    assert "panda" in builtin_protections()
+    assert "panda" in built_in("protection")
     loaded = load_text(task(PRESS, "panda"), "task.yaml")
     protection = loaded.task.robot.protection
     assert protection is not None

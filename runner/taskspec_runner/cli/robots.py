@@ -11,16 +11,19 @@ def list_robots() -> int:
 
     from taskspec.robot import builtin_robots
     from taskspec.robot.packages import packaged_robots
-    from taskspec.spec.protection_file import builtin_protections
+    from taskspec.spec.robot_file import built_in
     from taskspec_runner.cli.console import show, table
 
     made = table(
-        "robot", "joints", "axes of the tip", "protection", "about", "figures from", indent=0
+        *("robot", "joints", "axes of the tip", "protection", "servos", "about", "figures from"),
+        indent=0,
     )
-    protections = builtin_protections()
+    protections, servos = built_in("protection"), built_in("servo")
     for robot in builtin_robots():
         axes, own = " ".join(robot.axes), robot.name if robot.name in protections else "none"
-        cells = (robot.name, str(robot.joints), axes, own, robot.about, robot.source)
+        follows = [name for name in servos if name.partition("-")[0] == robot.name]
+        text = ", ".join(follows) or "none"
+        cells = (robot.name, str(robot.joints), axes, own, text, robot.about, robot.source)
         made.add_row(*map(Text, cells))
     show(made)
     installed = table("package", "robots, as PACKAGE:NAME", indent=0)

@@ -1,4 +1,4 @@
-"""`robot: {protection: NAME}`: a protection that comes along, or one in a file of its own.
+"""`robot: {protection: NAME, servo: NAME}`: one that comes along, or one in a file of its own.
 
 What it says takes the place of the name in the tree of the task, each part with its place in its
 own file and the line that names it. Files lie in the project of the task, as all that it names.
@@ -23,20 +23,24 @@ from taskspec.text.source import Source
 from taskspec.text.suggest import suggestion
 from taskspec.text.yaml import MAX_BYTES, read
 
-register({"TS134": "a protection that cannot be read"})
+register({"TS134": "a protection or a servo that cannot be read"})
 
-_FOLDER = Path(__file__).parent / "protections"
+#: Keys of the robot that may name a file, and where those that come along lie.
+_FOLDERS = {
+    key: Path(__file__).parent / folder
+    for key, folder in (("protection", "protections"), ("servo", "servos"))
+}
 _ENDINGS = (".yaml", ".yml")
 
 
 @cache
-def builtin_protections() -> tuple[str, ...]:
-    """The names that `robot.protection` may say."""
-    return tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))
+def built_in(key: str) -> tuple[str, ...]:
+    """The names that `robot.protection` or `robot.servo` may say."""
+    return tuple(sorted(path.stem for path in _FOLDERS[key].glob("*.yaml")))
 
 
-class ProtectionFile:
-    """Reads the protection that a task names into its tree."""
+class RobotFiles:
+    """Reads the protection and the servo that a task names into its tree."""
 
     def __init__(
         self,
@@ -57,15 +61,18 @@ class ProtectionFile:
         self._inclusion = inclusion
 
     def into(self, root: MappingNode) -> bool:
-        """Puts what the file says in the place of its name; whether nothing is amiss."""
+        """Puts what files say in the place of their names; whether nothing is amiss."""
+        return all([self._one(root, key) for key in _FOLDERS])
+
+    def _one(self, root: MappingNode, name: str) -> bool:
         robot = root.get("robot")
-        entry = robot.entries.get("protection") if isinstance(robot, MappingNode) else None
+        entry = robot.entries.get(name) if isinstance(robot, MappingNode) else None
         if entry is None:
             return True
         key, named = entry
         if not isinstance(named, Scalar) or named.empty:
             return True
-        read_in = self._text(named)
+        read_in = self._text(name, named)
         if read_in is None:
             return False
         self._sources[read_in.name] = read_in
@@ -81,17 +88,17 @@ class ProtectionFile:
             return False
         Moved(read_in.name, note).move(tree)
         assert isinstance(robot, MappingNode)
-        robot.entries["protection"] = (key, tree)
+        robot.entries[name] = (key, tree)
         return True
 
-    def _text(self, named: Scalar) -> Source | None:
+    def _text(self, key: str, named: Scalar) -> Source | None:
         name = named.value
-        if name in builtin_protections():
-            text = (_FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
+        if name in built_in(key):
+            text = (_FOLDERS[key] / f"{name}.yaml").read_text(encoding="utf-8")
             return Source(f"{name} (built in)", normal(text))
         if not name.lower().endswith(_ENDINGS):
-            near = suggestion(name, builtin_protections(), "names")
-            self._error(named, f"there is no protection '{name}'",
+            near = suggestion(name, built_in(key), "names")
+            self._error(named, f"there is no {key} '{name}'",
                         f"{near}; or name a YAML file of your own")  # fmt: skip
             return None
         path = here((self._base or Path()) / name)
