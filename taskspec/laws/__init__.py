@@ -16,6 +16,8 @@ from taskspec.laws.parallel_pid import ParallelPID
 from taskspec.laws.hybrid import Hybrid
 from taskspec.laws.hybrid_multipliers import HybridMultipliers
 from taskspec.laws.hybrid_reaction import HybridReaction
+from taskspec.laws.admittance import Admittance
+from taskspec.laws.force_velocity import ForceVelocity
 # isort: on
 
 from taskspec.laws.law import LAWS, ControlLaw, register
@@ -27,7 +29,9 @@ __all__ = [
     "DEFAULT",
     "LAWS",
     "PD",
+    "Admittance",
     "ControlLaw",
+    "ForceVelocity",
     "Hybrid",
     "HybridMultipliers",
     "HybridReaction",

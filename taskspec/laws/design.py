@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from taskspec.deferred import ca
+from taskspec.laws.servo_loop import Contact
 from taskspec.laws.gains import FORCE_MASS, AxisDesign, AxisPlant, Gain, LawGain, is_number
 
 SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
@@ -194,11 +195,11 @@ def _over_servo(plant: AxisPlant, mass: float | None = None) -> Gain:
     if plant.servo is None or stiffest <= 0 or not math.isfinite(stiffest):
         return Gain(_UNKNOWN_CONTACT, "designed: no stiffness is known")
     if mass is None:
-        least = plant.servo.least_damping(plant.h, stiffest, _LAG)
+        least = plant.servo.least_damping(Contact(plant.h, stiffest), _LAG)
         return Gain(GAIN_MARGIN * least, "designed: 3 times the least that is stable")
-    least = damping = plant.servo.least_damping(plant.h, stiffest)
+    least = damping = plant.servo.least_damping(Contact(plant.h, stiffest))
     for _ in range(_ROUNDS):
-        least = plant.servo.least_damping(plant.h, stiffest, mass / damping)
+        least = plant.servo.least_damping(Contact(plant.h, stiffest), mass / damping)
         damping = (damping + least) / 2
     return Gain(GAIN_MARGIN * least, "designed: 3 times the least that is stable with this mass")
 

@@ -12,8 +12,8 @@ from taskspec.text import units
 from taskspec.text.units import Dimension, scaled, show
 
 if TYPE_CHECKING:
-    from taskspec.laws.servo_loop import ServoLoop
     from taskspec.expression import Expression
+    from taskspec.laws.servo_loop import ServoLoop
 
 
 @dataclass(frozen=True, slots=True)

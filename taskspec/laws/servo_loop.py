@@ -3,12 +3,13 @@
 Along one axis, with r the commanded position, x that of the tool on a contact of stiffness k and h
 the arm's effective mass there,
 
-    x / r = (2 z w s + w^2) / (s^2 + 2 z w s + w^2) (s^2 + c s + b) / (s^2 + c s + b + k / h),
+    x / r = (2 z w s + w^2) / (s^2 + 2 z w s + w^2) (s^2 + c s + b) / (s^2 + c s + b + (k + d s) / h),
 
 where the servo follows commands with w and z, and gives way under load with the stiffness h b and
-the damping h c. A force law that moves with the velocity (f_d - f) / D closes the loop
+the damping h c; d is the damping of the contact. A force law that moves with the velocity
+(f_d - f) / D closes the loop
 
-    L(s) = k / (D s) x / r e^(-T s),
+    L(s) = (k + d s) / (D s) x / r e^(-T s),
 
 whose gain at -180 degrees gives the least damping D that is stable. Everything is known in closed
 form but for that frequency, which is found by bisection: the phase falls monotonically.
@@ -24,6 +25,21 @@ from taskspec.deferred_methods import dataclass
 _HALVINGS = 60
 #: Frequencies beyond this are looked at no more [rad/s].
 _FASTEST = 1e5
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """What a servo moves against, along one axis.
+
+    Attributes:
+        h: effective mass of the arm [kg, kg m^2].
+        k: stiffness [N/m, N m/rad].
+        d: damping [N s/m, N m s/rad].
+    """
+
+    h: float
+    k: float
+    d: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,51 +60,42 @@ class ServoLoop:
     corner: float = math.inf
     give: tuple[float, float] | None = None
 
-    def least_damping(self, h: float, k: float, lag: float = 0.0) -> float:
+    def least_damping(self, on: Contact, lag: float = 0.0) -> float:
         """The damping D below which a force loop on a contact is unstable [N s/m, N m s/rad].
 
         Args:
-            h: effective mass along the axis [kg, kg m^2].
-            k: stiffness of the contact [N/m, N m/rad].
+            on: what returns the force; 0 where nothing does.
             lag: time constant M / D of an apparent mass [s].
         """
-        if k <= 0:
-            return 0.0
-        low, high = 0.0, _FASTEST
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            if self._phase(middle, h, k, lag) > -math.pi:
-                low = middle
-            else:
-                high = middle
-        return k * abs(self._response(low, h, k, lag))
+        return abs(self._response(self.crossing(on, lag), on, lag)) if on.k > 0 else 0.0
 
-    def crossing(self, h: float, k: float, lag: float = 0.0) -> float:
+    def crossing(self, on: Contact, lag: float = 0.0) -> float:
         """The frequency at which a loop on its boundary rings [rad/s]; arguments as above."""
         low, high = 0.0, _FASTEST
         for _ in range(_HALVINGS):
             middle = (low + high) / 2
-            if self._phase(middle, h, k, lag) > -math.pi:
+            if self._phase(middle, on, lag) > -math.pi:
                 low = middle
             else:
                 high = middle
         return low
 
-    def _response(self, frequency: float, h: float, k: float, lag: float) -> complex:
-        """x / r / s, without its delay, at a frequency [rad/s]."""
+    def _response(self, frequency: float, on: Contact, lag: float) -> complex:
+        """D L, without its delay, at a frequency [rad/s]."""
         s = 1j * frequency
         b, c = self._give
         follows = (2 * self.ratio * self.w * s + self.w**2) / (
             s**2 + 2 * self.ratio * self.w * s + self.w**2
         )
-        gives = (s**2 + c * s + b) / (s**2 + c * s + b + k / h)
-        return follows * gives / (s * (1 + lag * s) * (1 + s / self.corner))
+        returned = on.k + on.d * s
+        gives = (s**2 + c * s + b) / (s**2 + c * s + b + returned / on.h)
+        return returned * follows * gives / (s * (1 + lag * s) * (1 + s / self.corner))
 
     @property
     def _give(self) -> tuple[float, float]:
         return self.give or (self.w**2, 2 * self.ratio * self.w)
 
-    def _phase(self, frequency: float, h: float, k: float, lag: float) -> float:
+    def _phase(self, frequency: float, on: Contact, lag: float) -> float:
         """Of the loop at a frequency [rad], without jumps."""
         b, c = self._give
         at = frequency
@@ -97,7 +104,8 @@ class ServoLoop:
             math.atan2(damped, self.w**2)
             - math.atan2(damped, self.w**2 - at**2)
             + math.atan2(c * at, b - at**2)
-            - math.atan2(c * at, b + k / h - at**2)
+            + math.atan2(on.d * at, on.k)
+            - math.atan2((c + on.d / on.h) * at, b + on.k / on.h - at**2)
             - math.pi / 2
             - math.atan(lag * at)
             - math.atan(at / self.corner)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from taskspec.program.contacts import Obstacles
 from taskspec.program.context import Context
+from taskspec.program.drives import drives
 from taskspec.program.errors import spec_error
 from taskspec.program.signals import gaps, normal
 from taskspec.program.world import estimated_frames

@@ -23,6 +23,7 @@ from taskspec.spec import Mechanism, Task
 from taskspec.stability.friction import friction_rows, sliding_rows
 from taskspec.stability.plant import LinearPlant, Rows
 from taskspec.stability.points import Touched, skew
+from taskspec.stability.servo import LinearServo
 
 Matrix = NDArray[np.float64]
 
@@ -84,6 +85,7 @@ def linear_plant(
         steps=round(control.plant_rate / control.rate),
         tool=_tool(context) if task.robot.sensor.at == "wrist" else None,
         equations=len(context.equations),
+        servo=LinearServo.of(task.robot, control, context.start_inertia),
     )
 
 

@@ -69,7 +69,7 @@ def scaled(gains: Gains, what: str, on: Sequence[str], factor: float) -> Gains:
     """Gains with one of them multiplied on some axes, and with it what follows from it."""
     found = {name: dict(by_axis) for name, by_axis in gains.items()}
     for name, power in (gain_named(what).powers or {what: 1}).items():
-        for axis in on:
+        for axis in on if name in found else ():
             old = found[name][axis]
             found[name][axis] = Gain(old.value * factor**power, old.origin)
     return found

@@ -71,7 +71,7 @@ def one_step(
 ) -> Matrix:
     """F of x[k+1] = F x[k] over one period of control.
 
-    x holds coordinates and rates (2c), the wrench of the plant's last step in the directions in
+    x holds the plant's states, the wrench of the plant's last step in the directions in
     which it can be (r), reactions (e), what the sensor remembers of the former, and memory (m).
 
     Args:
@@ -85,13 +85,14 @@ def one_step(
     """
     A, B = plant.step()
     n, c, e, m = plant.n, plant.size, plant.equations, len(controller.slots)
-    basis = _channels(controller, np.hstack([A[2 * c : 2 * c + 6], B[2 * c : 2 * c + 6]]))
+    own = plant.states
+    basis = _channels(controller, np.hstack([A[own : own + 6], B[own : own + 6]]))
     r = basis.shape[1]
     kept = r * sensor.order
-    size = 2 * c + r + e + kept + m
+    size = own + r + e + kept + m
     if size > MOST_STATES:
         raise UnfitError(f"{size} states")
-    at_w, at_e = 2 * c, 2 * c + r
+    at_w, at_e = own, own + r
     at_s, at_m = at_e + e, at_e + e + kept
 
     update, reading = _sensor(sensor, r, samples)
@@ -106,11 +107,11 @@ def one_step(
 
     torque = controller.torque @ measured_rows
     out = B @ torque
-    out[:, : 2 * c] += A
+    out[:, :own] += A
     step = np.zeros((size, size))
-    step[: 2 * c] = out[: 2 * c]
-    step[at_w:at_e] = basis.T @ out[2 * c : 2 * c + 6]
-    step[at_e:at_s] = out[2 * c + 6 :]
+    step[:own] = out[:own]
+    step[at_w:at_e] = basis.T @ out[own : own + 6]
+    step[at_e:at_s] = out[own + 6 :]
     step[at_s:at_m, at_s:at_m], step[at_s:at_m, at_w:at_e] = update[:, :kept], update[:, kept:]
     step[at_m:] = controller.memory @ measured_rows
     return step
@@ -119,7 +120,7 @@ def one_step(
 def states(controller: LinearController, plant: LinearPlant, sensor: SensorModel) -> int:
     """How many states the closed loop has, at most six channels of the wrench."""
     channels = min(6, sum(len(row.G) for row in plant.rows))
-    own = 2 * plant.size + plant.equations + len(controller.slots)
+    own = plant.states + plant.equations + len(controller.slots)
     return own + channels * (1 + sensor.order)
 
 
@@ -144,8 +145,8 @@ def modes(
     span = sensor.hold_ticks * period
     balanced, scale = _balance(F)
     values, right = np.linalg.eig(balanced)
-    own = 2 * plant.size + plant.equations + len(controller.slots)
-    at_reactions = 2 * plant.size + (len(F) - own) // (1 + sensor.order)
+    own = plant.states + plant.equations + len(controller.slots)
+    at_reactions = plant.states + (len(F) - own) // (1 + sensor.order)
     reactions = slice(at_reactions, at_reactions + plant.equations)
     uncertain = np.finfo(float).eps * np.linalg.norm(balanced) * _sensitivity(right)
     found = []

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.stability.servo import LinearServo
 
 Matrix = NDArray[np.float64]
 
@@ -72,6 +73,7 @@ class LinearPlant:
         steps: of them in one period of control.
         tool: (6, 6) inertia of the tool about the tip, where the sensor feels it; else None.
         equations: how many the task has.
+        servo: that follows velocities; None where torques are commanded.
     """
 
     n: int
@@ -83,6 +85,12 @@ class LinearPlant:
     steps: int
     tool: Matrix | None
     equations: int
+    servo: LinearServo | None = None
+
+    @property
+    def states(self) -> int:
+        """Coordinates, rates, and what the servo remembers."""
+        return 2 * self.size + (0 if self.servo is None else self.servo.states)
 
     @property
     def size(self) -> int:
@@ -90,11 +98,11 @@ class LinearPlant:
         return len(self.H)
 
     def step(self) -> tuple[Matrix, Matrix]:
-        """One period of control with the torque held.
+        """One period of control with the command held.
 
         Returns:
-            A (2c + 6 + e, 2c) and B (2c + 6 + e, n): from coordinates and rates (2c) and from
-            the torque (n,) to the next ones, the wrench that a sensor at the tip has in the last
+            A (s + 6 + e, s) and B (s + 6 + e, n): from the s states and from the command (n,), a
+            torque or what a servo follows, to the next ones, the wrench that a sensor at the tip has in the last
             step of the plant, and what the robot applies along each of the e equations.
         """
         c, h, n = self.size, self.period, self.n
@@ -102,9 +110,10 @@ class LinearPlant:
         K, B, M = (_blocks([getattr(r, k) for r in self.rows]) for k in "KBM")
         turning = sum((r.turning for r in self.rows), np.zeros((6, c)))
         bending = sum((r.bending for r in self.rows), np.zeros((c, c)))
-        now = np.eye(2 * c + n)
-        position, rate, torque = now[:c], now[c : 2 * c], now[2 * c :]
-        on_joints = np.vstack([torque, np.zeros((c - self.n, now.shape[1]))])
+        now = np.eye(self.states + n)
+        position, rate, command = now[:c], now[c : 2 * c], now[self.states :]
+        servo = self.servo and self.servo.begin(now[2 * c : self.states], command)
+        on_joints = np.vstack([command, np.zeros((c - n, now.shape[1]))])
         inertia = self.H + G.T @ M @ G
         implicit = self.H + h * np.diag(self.damping)
         exact = np.array([row.exact for row in self.rows for _ in row.G], dtype=bool)
@@ -113,17 +122,19 @@ class LinearPlant:
         # Rows that depend on each other share what they exert.
         keeps = -np.linalg.pinv(E @ yields)
         y, v = position, rate
-        for _ in range(self.steps):
+        for i in range(self.steps):
+            if servo is not None and i % servo.servo.every == 0:
+                on_joints[:n] = servo.tick(i // servo.servo.every, y[:n], v[:n])
             spring = K @ G @ y + B @ G @ v
             free = on_joints - self.damping[:, None] * v + bending @ y
             a = np.linalg.solve(inertia, free - G.T @ spring)
             if len(E):
                 ahead = v + h * np.linalg.solve(implicit, self.H @ a)
-                kept = keeps @ (E @ (ahead + y / h))
-                a = a + np.linalg.solve(inertia, E.T @ kept)
+                held = keeps @ (E @ (ahead + y / h))
+                a = a + np.linalg.solve(inertia, E.T @ held)
             f = -(spring + M @ G @ a)
             if len(E):
-                f[exact] = kept
+                f[exact] = held
             wrench = turning @ y
             a = np.linalg.solve(implicit, self.H @ a)
             v = v + h * a
@@ -131,8 +142,9 @@ class LinearPlant:
         wrench = wrench + self._wrench(f)
         if self.tool is not None:
             wrench = wrench - self.tool @ self.J @ a[: self.n]
-        out = np.vstack([y, v, wrench, self._reactions(f)])
-        return out[:, : 2 * c], out[:, 2 * c :]
+        kept = [] if servo is None else [servo.end]
+        out = np.vstack([y, v, *kept, wrench, self._reactions(f)])
+        return out[:, : self.states], out[:, self.states :]
 
     def _wrench(self, f: Matrix) -> Matrix:
         W = np.hstack([np.zeros((6, 0)), *(r.W for r in self.rows)])
