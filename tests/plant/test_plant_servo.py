@@ -100,12 +100,12 @@ def test_a_step_of_velocity_is_followed_as_in_the_closed_form(bandwidth, rates):
     t = np.arange(n + 1) * arm.period
     displacement, rate = arm.joint(0)
     expected = z * t * (1 - np.exp(-arm.w * t))
-    # The plant's Euler steps are off by half a step of velocity.
-    step = z / rates[2]
-    np.testing.assert_allclose(displacement, expected, atol=1.1 * step)
-    np.testing.assert_allclose(
-        rate, z - z * (1 - arm.w * t) * np.exp(-arm.w * t), atol=2.5 * arm.w * step
-    )
+    # The plant's Euler steps are off by a step of velocity, and an acceleration that is held for a
+    # tick by a share of that of the tick.
+    off = z / rates[2] + z * arm.w / rates[1] ** 2
+    np.testing.assert_allclose(displacement, expected, atol=1.1 * off)
+    exact = z - z * (1 - arm.w * t) * np.exp(-arm.w * t)
+    np.testing.assert_allclose(rate, exact, atol=2.5 * arm.w * off)
 
 
 @pytest.mark.parametrize("command", ["velocity", "position"])
@@ -129,7 +129,7 @@ def test_frequency_response(command, frequency):
     late = 0.005 + (arm.period / 2 if command == "velocity" else arm.period)
     held = np.sinc(frequency * arm.period) ** (1 if command == "velocity" else 2)
     expected = rational * held * cmath.exp(-s * late)
-    assert abs(found - expected) < 0.01 * abs(expected)
+    assert abs(found - expected) < 0.015 * abs(expected)
 
 
 @pytest.mark.parametrize("bandwidth", [10, 20])
@@ -142,7 +142,9 @@ def test_it_gives_way_to_a_force_by_its_inertia_and_bandwidth(bandwidth):
 def test_it_gives_way_to_a_force_by_its_stiffness():
     stiffness = np.array([3000, 3000, 3000, 2500, 2500, 2000, 2000.0])
     listed = ", ".join(f"{each} N*m/rad" for each in stiffness)
-    arm = Served(servo=f"bandwidth: 50 Hz, stiffness: [{listed}]")
+    # At 1 kHz these drives would be unstable, as `growth` says: there are no rotors' inertias.
+    servo = f"bandwidth: 50 Hz, stiffness: [{listed}]"
+    arm = Served(servo=servo, rates=(1000, 4000, 4000))
     _assert_gives_way(arm, np.array([3.0, -4.0, 5.0]), lambda _: np.diag(stiffness))
 
 
@@ -265,7 +267,7 @@ def test_the_drives_do_not_wind_up_at_a_joint_limit():
     arm, back = _pushed_against_its_limit("velocity")
     displacement, _ = arm.joint(0)
     upper = arm.robot.upper[0] - arm.start[0]
-    assert displacement[back] == pytest.approx(upper, abs=5e-3)
+    assert displacement[back] == pytest.approx(upper, abs=0.02)
     left = int(np.argmax(displacement[back:] < upper - 0.01))
     # 20 ms of 0.5 rad/s, and what the drive's stiffness takes from full torque to none.
     stiffness = arm.w**2 * 0.33
