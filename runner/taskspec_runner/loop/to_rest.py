@@ -128,22 +128,20 @@ class _Slowing:
     """What an arm that takes velocities or positions is commanded until it rests."""
 
     def __init__(self, machine: Machine, servo: JointServo, period: float) -> None:
-        """Begins with what the servo does."""
+        """Begins with where the servo is, and not with how far ahead it was commanded to be."""
         robot = machine.stage.plan.context.loaded.task.robot
         n, limit = len(machine.torque), robot.servo.acceleration
         self._machine, self._positions, self._period = machine, servo.positions, period
         self._step = period * np.broadcast_to(np.inf if limit is None else np.array(limit), n)
         self._rate = servo.rate.copy() if servo.positions else machine.torque.copy()
-        if servo.positions and not np.isfinite(machine.torque).all():
-            machine.torque[:] = servo.reference
+        # What a steady motion was last commanded, by a servo that is late.
+        self._place = servo.reference + robot.servo.delay * servo.rate
 
     def command(self, clock: float) -> Vector:
         """The command at an instant, in the machine's vector."""
         machine = self._machine
         machine.look(clock)
         self._rate = slowed(self._rate, self._step)
-        if self._positions:
-            machine.torque += self._period * self._rate
-        else:
-            machine.torque[:] = self._rate
+        self._place += self._period * self._rate
+        machine.torque[:] = self._place if self._positions else self._rate
         return machine.torque
