@@ -397,8 +397,8 @@ def _plant(record: TickMemory, plant: Plant) -> None:
             servo_unknown=servo.unknown,
             tip_body=servo.body,
         )
-        names = (
+        of_servo = (
             *("before", "queue", "delayed", "place", "H", "J", "turning_J"),
             *("state", "next_state", "wanted", "exerted", "shown"),
         )
-        record.take(**{f"servo_{name}": getattr(servo, name) for name in names})
+        record.take(**{f"servo_{name}": getattr(servo, name) for name in of_servo})
