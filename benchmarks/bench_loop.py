@@ -124,8 +124,8 @@ class Loop:
             self._ticks += done
             left -= done
             self.recorder.advance(done)
-            if self._native.sensed or self._native.stands:
-                self._step(sensed=self._native.sensed)
+            if self._native.sensed:
+                self._step(sensed=True)
                 left -= 1
 
     def bare(self, steps: int) -> None:

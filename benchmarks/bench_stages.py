@@ -60,7 +60,7 @@ class Run:
                 done = self._code(AT_ONCE)
                 if done == AT_ONCE and runner.tracks.next_knot == knot:
                     self.ticks.append((time.thread_time() - begin) / done)
-                if not (code.sensed or code.stands or code.ends):
+                if not (code.sensed or code.ends):
                     continue
             begin = time.thread_time()
             if code is None or not code.ends:
@@ -80,7 +80,7 @@ class Run:
         machine = self._parts.machine
         while machine.stage_ticks < 2 or code.ends:
             self._code(2 - machine.stage_ticks if not code.ends else 2)
-            if code.sensed or code.stands or code.made:
+            if code.sensed or code.made:
                 self._tick(code)
             if machine.ended:
                 break

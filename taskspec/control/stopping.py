@@ -1,4 +1,4 @@
-"""The controller that brings an arm to rest when a run has been broken off."""
+"""The controllers that bring an arm to rest when a run has been broken off."""
 
 from __future__ import annotations
 
@@ -111,3 +111,14 @@ def within_rate(torque: Array, before: Array, step: Array, most: Array) -> Array
         most: (n,) that the motors can do; what is beyond that comes back at once.
     """
     return np.asarray(np.clip(np.clip(torque, before - step, before + step), -most, most))
+
+
+def slowed(rate: Array, step: Array) -> Array:
+    """Commanded velocities (n,) of the next tick, of an arm that is to come to rest.
+
+    Args:
+        rate: (n,) of this tick; what is no number is as good as rest [rad/s, m/s].
+        step: (n,) the most that each changes in a tick, inf for no limit.
+    """
+    known = np.where(np.isfinite(rate), rate, 0.0)
+    return np.asarray(known - np.clip(known, -step, step))

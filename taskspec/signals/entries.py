@@ -219,7 +219,7 @@ def _joint_velocity(at: Situation, number: str) -> ca.SX:
     reference="a reference cannot depend on the torque that follows from it",
 )
 def _joint_torque(at: Situation, number: str) -> ca.SX:
-    """Torque commanded to joint N."""
+    """Torque commanded to joint N; of an arm that takes no torques, what its drive exerts."""
     return at.torque[int(number) - 1]
 
 

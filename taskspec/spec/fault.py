@@ -13,7 +13,7 @@ from taskspec.faults import DEVICES, ENCODER, KINDS, SENSOR, TORQUE, FaultKind, 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
-from taskspec.spec.model import Model
+from taskspec.spec.model import Model, mapping
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.quantities import Constant
 from taskspec.spec.words import NameReference, Word, Words
@@ -350,6 +350,15 @@ class Fault(_Lasting):
             context.error("TS026", message, data.node.key_span(given[1]), "write two faults")
             return
         device = given[0]
+        command = mapping(context.data.get("robot")).get("command", TORQUE)
+        if device == TORQUE and command != TORQUE:
+            context.error(
+                "TS026",
+                f"joints that are commanded a {command} have no faults of torques",
+                data.node.key_span(device),
+                "what its servo does otherwise stands in truth, such as "
+                "truth: {robot.servo.bandwidth: 10 Hz}",
+            )
         wrong, right = ("joint", "axis") if device == SENSOR else ("axis", "joint")
         if wrong in data:
             message = f"a fault of the {device} has no '{wrong}'"

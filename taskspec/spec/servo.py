@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from taskspec.spec.control import FASTEST, SLOWEST, USUAL, Control
-from taskspec.spec.model import Model
+from taskspec.spec.model import Model, mapping
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import Constant, ForJoints
 from taskspec.spec.words import Free, Texts
@@ -25,7 +25,8 @@ from taskspec.text.units import (
     show,
 )
 
-TORQUE, VELOCITY, POSITION = "torque", "velocity", "position"
+TORQUE: Literal["torque"] = "torque"
+VELOCITY, POSITION = "velocity", "position"
 COMMANDS = (TORQUE, VELOCITY, POSITION)
 """What the joints of an arm may be commanded."""
 
@@ -100,8 +101,8 @@ class Servo(Model):
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:
         """Reports sources of what is no number of a servo."""
-        sources = data.get("sources")
-        for key in sources if isinstance(sources, Map) else ():
+        sources = mapping(data.get("sources"))
+        for key in sources:
             if key not in NUMBERS:
                 hint = suggestion(key, NUMBERS, "keys with a number")
                 message = f"'{key}' is no number of a servo"

@@ -259,7 +259,7 @@ class OnRobot:
         context = program.context
         bus = Bus(context.robot.n, world.task, linked=not self.lock_step)
         measured = (np.zeros(6), np.zeros(len(context.equations)))
-        views = (bus.view("q"), bus.view("v"), *measured, bus.view("torque"), bus.outputs)
+        views = (bus.view("q"), bus.view("v"), *measured, bus.commanded, bus.outputs)
         machine = program.machine(views, own=dual_solver)
         bus.forget_truth()
         self._plant = plant = RobotPlant(self.robot, program, bus, machine)

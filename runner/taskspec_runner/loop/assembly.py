@@ -81,7 +81,7 @@ def assemble(
         raise InputError(error.message) from error
     plant = Plant(context.robot, world.task, start, bus.truth)
     measured = (np.zeros(6), np.zeros(len(context.equations)))
-    views = (bus.view("q"), bus.view("v"), *measured, bus.view("torque"), bus.outputs)
+    views = (bus.view("q"), bus.view("v"), *measured, bus.commanded, bus.outputs)
     machine = program.machine(views, own=dual_solver)
     faults = None
     if world.task.truth.faults:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.stopping import decay_time, stopping_torque, within_rate
+from taskspec.control.stopping import decay_time, slowed, stopping_torque, within_rate
 from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.machine import Machine
 from taskspec_runner.errors import LinkError
 
 if TYPE_CHECKING:
     from taskspec_runner.loop.closed_loop import ClosedLoop
+    from taskspec_runner.plant.joint_servo import JointServo
     from taskspec_runner.plant.plant import Plant
 
 Vector = NDArray[np.float64]
@@ -58,9 +59,11 @@ def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -
         period: of control [s].
 
     A joint whose encoder gives nothing is carried and not damped. Torques change no faster than the
-    last stage's limits and the robot's protection have.
+    last stage's limits and the robot's protection have. An arm that takes no torques is slowed down
+    by what it is commanded, as fast as its servo's limit of acceleration lets it.
     """
     machine, bus = closed.machine, closed.bus
+    slowing = None if plant.arm.servo is None else _Slowing(machine, plant.arm.servo, period)
     step_most, undamped = (
         period * machine.stage.plan.torque_rates,
         np.zeros(len(machine.torque), dtype=np.bool_),
@@ -84,8 +87,11 @@ def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -
         if unheard is not None:
             undamped |= unheard
         before = machine.torque.copy()
-        torque = _torque(machine, most, decay, (ticks + number) * period, unheard)
-        if np.isfinite(step_most).any():
+        if slowing is not None:
+            torque = slowing.command((ticks + number) * period)
+        else:
+            torque = _torque(machine, most, decay, (ticks + number) * period, unheard)
+        if slowing is None and np.isfinite(step_most).any():
             # What is no number has not been applied.
             known = np.where(np.isfinite(before), before, torque)
             torque[:] = within_rate(torque, known, step_most, most)
@@ -116,3 +122,26 @@ def _torque(
         terms.inertia, terms.gravity, machine.v, most, decay, unheard
     )
     return machine.torque
+
+
+class _Slowing:
+    """What an arm that takes velocities or positions is commanded until it rests."""
+
+    def __init__(self, machine: Machine, servo: JointServo, period: float) -> None:
+        """Begins with where the servo is, and not with how far ahead it was commanded to be."""
+        robot = machine.stage.plan.context.loaded.task.robot
+        n, limit = len(machine.torque), robot.servo.acceleration
+        self._machine, self._positions, self._period = machine, servo.positions, period
+        self._step = period * np.broadcast_to(np.inf if limit is None else np.array(limit), n)
+        self._rate = servo.rate.copy() if servo.positions else machine.torque.copy()
+        # What a steady motion was last commanded, by a servo that is late.
+        self._place = servo.reference + robot.servo.delay * servo.rate
+
+    def command(self, clock: float) -> Vector:
+        """The command at an instant, in the machine's vector."""
+        machine = self._machine
+        machine.look(clock)
+        self._rate = slowed(self._rate, self._step)
+        self._place += self._period * self._rate
+        machine.torque[:] = self._place if self._positions else self._rate
+        return machine.torque

@@ -14,6 +14,7 @@ from taskspec.spec import Task
 from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.equations import Equations
 from taskspec_runner.plant.grasp import Grip
+from taskspec_runner.plant.joint_servo import JointServo
 from taskspec_runner.plant.loose import LooseBodies, loose
 from taskspec_runner.plant.mechanisms import Mechanisms
 from taskspec_runner.plant.moving_base import MovingBases, moving
@@ -38,7 +39,7 @@ class PlantArm:
         q, v: (n,) the true positions and velocities of the joints that move by themselves [rad or
             m, and by s]. Where none follows another, they are views of `joints` and `rates`.
         joints, rates: (k,) views of the true positions and velocities of all joints.
-        torque: (n,) view of what the motors are commanded to exert [N m, N].
+        torque: (n,) view of what the motors exert [N m, N].
         velocities: where all joints are among the plant's degrees of freedom.
         wrench: (6,) of the last step, by the environment on the tool tip, world axes [N, N m].
         object_forces: (shapes,) magnitude of the contact force with each shape [N].
@@ -47,6 +48,7 @@ class PlantArm:
         grip: what it holds something with; None where it holds nothing.
         equations: the springs of constraints on it, and bushings; None where there are none.
         rigid: the constraints that hold exactly; None where there are none.
+        servo: follows what its joints are commanded; None where these are torques.
         forces: writes the wrenches and forces, and what of the state has no view.
         sensor: the true one.
         tip_rotation: (9,) the tip's axes in the last step, row by row.
@@ -73,6 +75,9 @@ class PlantArm:
         )
         self.rigid = (
             RigidConstraints(model, data, arm, task, views.equations) if any(exact) else None
+        )
+        self.servo = (
+            None if arm.declared.takes_torques else JointServo(model, data, arm, task, views)
         )
         wiring = Wiring()
         self.grip = Grip(model, data, arm, task, wiring) if arm.held else None
@@ -168,7 +173,7 @@ class Plant:
         self.scene: Scene = build_scene(SceneArm(robot, task.robot, start), task)
         model = self.model = self.scene.model
         data = self.data = mujoco.MjData(model)
-        self.views = views = PlantViews.new(task) if views is None else views
+        self.views = views = PlantViews.new(task, robot.n) if views is None else views
         arm = self.arm = PlantArm(self.scene, data, task, views)
         arm.put(start)
         self.substeps = round(task.control.plant_rate / task.control.rate)
@@ -177,7 +182,7 @@ class Plant:
         self.moving_bases = MovingBases(model, data, task) if moving(task) else None
         self.loose = LooseBodies(model, data, task) if loose(task) else None
         detents = None if self.mechanisms is None else self.mechanisms.detents
-        self.simple = not (arm.equations or arm.rigid or self.moving_bases or detents)
+        self.simple = not (arm.equations or arm.rigid or arm.servo or self.moving_bases or detents)
         self._still = self.mechanisms is None and self.loose is None
         self._settle()
         self._read_state()
@@ -209,25 +214,36 @@ class Plant:
         """The plant itself: it is for this process to bring its arm to rest."""
         return self
 
-    def step(self, torque: Vector) -> None:
-        """Holds joint torques (n,) [N m] for one control period."""
+    def step(self, command: Vector) -> None:
+        """Holds a command to the joints (n,) for one control period.
+
+        Torques [N m, N], or what the arm's servo follows: velocities [rad/s, m/s] or positions.
+        """
         if not self._still:
             self._read_state()
-        self.arm.torque[:] = torque
+        servo = self.arm.servo
+        if servo is None:
+            self.arm.torque[:] = command
+        else:
+            servo.command[:] = command
         if self.simple:
             mujoco.mj_step(self.model, self.data, self.substeps)
         else:
-            for _ in range(self.substeps):
-                self._step_once()
+            for number in range(self.substeps):
+                self._step_once(number)
+        if servo is not None:
+            servo.show()
         self.arm.read_forces()
 
-    def _step_once(self) -> None:
+    def _step_once(self, number: int) -> None:
         model, data = self.model, self.data
         data.qfrc_applied[:] = 0.0
         if self.moving_bases is not None:
             self.moving_bases.drive()
         mujoco.mj_step1(model, data)
         self._apply()
+        if self.arm.servo is not None:
+            self.arm.servo.serve(number)
         if self.arm.rigid is not None:
             self.arm.rigid.apply()
         mujoco.mj_step2(model, data)

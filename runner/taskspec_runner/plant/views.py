@@ -26,6 +26,9 @@ class PlantViews:
         mechanism_efforts: (mechanisms,) what the robot applies to each coordinate [N m, N].
         bushings: (6 bushings,) what the robot applies to each, in its axes [N, N m].
         loose: (7 bodies,) position [m] and quaternion (w x y z) of each loose body at the tick.
+        exerted: (n,) of an arm that takes no torques, what its drives exert at the end of the step
+            [N m, N]; of others (0,).
+        servo: (n,) likewise, what its servo holds the joints to at the end of the step [rad, m].
     """
 
     wrench: Vector
@@ -36,16 +39,19 @@ class PlantViews:
     mechanism_efforts: Vector
     bushings: Vector
     loose: Vector
+    exerted: Vector
+    servo: Vector
 
     @classmethod
-    def new(cls, task: Task) -> PlantViews:
-        """Views with arrays of their own."""
-        return cls(*(np.zeros(length) for _, length in view_fields(task)))
+    def new(cls, task: Task, joints: int) -> PlantViews:
+        """Views with arrays of their own, for an arm of so many joints."""
+        return cls(*(np.zeros(length) for _, length in view_fields(task, joints)))
 
 
-def view_fields(task: Task) -> list[tuple[str, int]]:
-    """Name and length of every vector, in order."""
+def view_fields(task: Task, joints: int) -> list[tuple[str, int]]:
+    """Name and length of every vector, in order, for an arm of so many joints."""
     mechanisms = len(task.mechanisms)
+    followed = 0 if task.robot.takes_torques else joints
     lengths = {
         "wrench": 6,
         "objects": len(task.shapes),
@@ -55,5 +61,7 @@ def view_fields(task: Task) -> list[tuple[str, int]]:
         "mechanism_efforts": mechanisms,
         "bushings": 6 * len(task.bushings),
         "loose": 7 * sum(shape.free for shape in task.shapes.values()),
+        "exerted": followed,
+        "servo": followed,
     }
     return [(field.name, lengths[field.name]) for field in fields(PlantViews)]

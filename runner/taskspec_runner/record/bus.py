@@ -26,6 +26,8 @@ class Bus:
         array: (size,) the whole tick.
         slices: by name.
         truth: the views that the plant fills.
+        commanded: (n,) view of what the joints are commanded: the field `torque`, or `command` of
+            an arm that takes no torques.
         linked: whether plant and controller meet at the wall clock, so that ticks have a `link`:
             how late what came for it came [s], and how many in a row did not come.
 
@@ -34,7 +36,8 @@ class Bus:
     """
 
     def __init__(self, joints: int, task: Task, *, linked: bool = False) -> None:
-        truth, self.linked = view_fields(task), linked
+        truth, self.linked = view_fields(task, joints), linked
+        command = "torque" if task.robot.takes_torques else "command"
         outputs = fields_of(task, joints)
         fields = [
             ("clock", 1),
@@ -42,7 +45,7 @@ class Bus:
             ("stage", 1),
             ("q", joints),
             ("v", joints),
-            ("torque", joints),
+            (command, joints),
             *([("link", 2)] if linked else ()),
             *truth,
             *outputs,
@@ -56,6 +59,7 @@ class Bus:
         self.slices = slices(fields)
         self.array: Vector = np.zeros(sum(length for _, length in fields))
         self.truth = PlantViews(*(self.view(name) for name, _ in truth))
+        self.commanded = self.view(command)
 
     def view(self, name: str) -> Vector:
         """A view of one field."""
@@ -71,6 +75,8 @@ class Bus:
             truth.mechanism_efforts,
             truth.bushings,
             truth.loose,
+            truth.exerted,
+            truth.servo,
         ):
             unknown[:] = np.nan
 

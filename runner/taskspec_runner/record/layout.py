@@ -80,7 +80,7 @@ class LogLayout:
         self.fields = max(each.stop for each in slices.values())
         whole: list[Column] = list(_columns(robot, stages, task))
         whole += LINK_COLUMNS if "link" in slices else ()
-        unknown = frozenset(_unmeasured(task) if measured else ())
+        unknown = frozenset(_unmeasured(task, robot) if measured else ())
         self._layout = tuple(column for column in whole if column.name not in unknown)
         self._columns = {column.name: column for column in self._layout}
         true = [column.name for column in self._layout if not column.field]
@@ -174,9 +174,15 @@ LINK_COLUMNS = tuple(
 )
 
 
-def _unmeasured(task: Task) -> Iterator[str]:
-    """Columns that a robot does not measure: forces of single objects, multipliers, motions."""
+def _unmeasured(task: Task, robot: RobotModel) -> Iterator[str]:
+    """Columns that a robot does not measure: forces of single objects, multipliers, motions.
+
+    What the drives of one exert that takes no torques is among them.
+    """
     equations = task.equations
+    if not task.robot.takes_torques:
+        joints = range(1, robot.n + 1)
+        yield from (f"joint.{i}.{name}" for i in joints for name in ("torque", "position.servo"))
     for owner, declared in task.world.items():
         if owner in equations:
             signals = OBJECT[declared.kind].items()
@@ -259,11 +265,16 @@ def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:
 
 
 def _of_joints(joints: int, task: Task) -> Iterator[Column]:
-    """The columns of all joints: where devices fail, also what is not the truth, or is it."""
+    """The columns of all joints: where devices fail, also what is not the truth, or is it.
+
+    Of an arm that takes no torques, what is commanded, and what its servo holds joints to.
+    """
     beside = [("position", MEASURED, "q"), ("velocity", MEASURED, "v")]
     beside = beside if task.truth.of(ENCODER) else []
     beside += [("position", REFERENCE, "joint_ref")] if task.in_joints else []
     beside += [("torque", "exerted", f"{TRUE}torque")] if task.truth.of(TORQUE) else []
+    if not task.robot.takes_torques:
+        beside += [(task.robot.command, "command", "command"), ("position", "servo", "servo")]
     for i in range(joints):
         for name, signal in JOINT.items():
             yield Column(f"joint.{i + 1}.{name}", si_unit(signal.dimension), "")

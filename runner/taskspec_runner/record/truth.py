@@ -164,7 +164,7 @@ def _situation(symbols: Mapping[str, ca.SX], objects: Mapping[str, ObjectState])
         applied=ca.vertcat(force, applied[3:] - ca.cross(offset, force)),
         q=symbols["q"],
         v=symbols["v"],
-        torque=symbols["torque"],
+        torque=symbols["exerted" if "command" in symbols else "torque"],
         objects=objects,
         known={f"velocity.{axis}": symbols["velocity"][axis.row] for axis in AXES},
     )

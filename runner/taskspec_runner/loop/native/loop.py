@@ -22,7 +22,7 @@ from taskspec_runner.loop.closed_loop import LOOK_EVERY, ClosedLoop
 from taskspec_runner.loop.native import tick_memory, ticks
 from taskspec_runner.loop.native.tick_memory import LIBRARY, TickMemory
 from taskspec_runner.loop.sensing import Sensing
-from taskspec_runner.plant import rigid_constraints, simulator
+from taskspec_runner.plant import joint_servo, rigid_constraints, simulator
 from taskspec_runner.plant.equations import XBODY
 from taskspec_runner.plant.moving_base import INERTIA
 from taskspec_runner.plant.plant import ENERGY_BOUND, FORCE_BOUND, Plant
@@ -34,7 +34,7 @@ Vector = NDArray[np.float64]
 #: Where the loop has its functions, its record and its constants.
 _MODULES = (
     *(ticks, tick_memory, controller, controller_memory, evaluation, quadratic, pivots),
-    *(stage_solver, relaxing, ports, rigid_constraints, log_block),
+    *(stage_solver, relaxing, ports, rigid_constraints, joint_servo, log_block),
 )
 
 
@@ -386,3 +386,19 @@ def _plant(record: TickMemory, plant: Plant) -> None:
             *("next_multipliers", "next_step", "next_broyden"),
         )
         record.take(**{f"rigid_{name}": getattr(rigid, name) for name in names})
+    if arm.servo is not None:
+        servo = arm.servo
+        record.servo = Evaluation(servo.function)
+        record.take(
+            servo_positions=servo.positions,
+            servo_every=servo.every,
+            servo_ticks=servo.ticks,
+            servo_rows=servo.rows,
+            servo_unknown=servo.unknown,
+            tip_body=servo.body,
+        )
+        of_servo = (
+            *("before", "queue", "delayed", "place", "H", "J", "turning_J"),
+            *("state", "next_state", "wanted", "exerted", "shown"),
+        )
+        record.take(**{f"servo_{name}": getattr(servo, name) for name in of_servo})

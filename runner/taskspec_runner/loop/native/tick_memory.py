@@ -37,6 +37,7 @@ class TickMemory(Evaluations):
     equations: Evaluation
     rigid: Evaluation
     detents: Evaluation
+    servo: Evaluation
 
     # functions of libraries, by their addresses
     mj_step: int
@@ -86,6 +87,11 @@ class TickMemory(Evaluations):
     cartesian: int  # whether an equation acts on the tip
     n_rigid: int  # equations that hold exactly
     rigid_cartesian: int  # whether one of them is on the tip
+    servo_positions: int  # whether its joints are commanded positions
+    servo_every: int  # steps from tick to tick of the servo
+    servo_ticks: int  # of the servo in a control period
+    servo_rows: int  # of the queue of its commands
+    servo_unknown: int  # whether the tool has a weight that it does not know
     body_kind: int  # MuJoCo's number for a body's frame
     tip_body: int
     applied_at: int  # address of the applied forces
@@ -164,6 +170,17 @@ class TickMemory(Evaluations):
     rigid_next_broyden: Vector
     constraint_forces: Vector
     detent_forces: Vector
+    servo_before: Vector
+    servo_queue: Vector
+    servo_delayed: Vector
+    servo_H: Vector
+    servo_J: Vector
+    servo_turning_J: Vector
+    servo_state: Vector
+    servo_next_state: Vector
+    servo_wanted: Vector
+    servo_exerted: Vector
+    servo_shown: Vector
     joint_rates: Vector
     velocity: Vector
     momentum: Vector
@@ -179,6 +196,7 @@ class TickMemory(Evaluations):
     moving_at: Words
     moving_dof: Words
     detent_dof: Words
+    servo_place: Words
     warnings: Words
     data_words: Words
     bus_words: Words

@@ -17,6 +17,7 @@ from taskspec.program.evaluation import evaluate
 from taskspec.program.execution import controller
 from taskspec.program.execution.controller import copy, furthest, zero
 from taskspec_runner.loop.native.tick_memory import TickMemory
+from taskspec_runner.plant.joint_servo import enter
 from taskspec_runner.plant.rigid_constraints import MOST_ROUNDS
 from taskspec_runner.record.block import checksum
 
@@ -73,12 +74,14 @@ def _sense(c: TickMemory) -> None:
 
 
 def _step(c: TickMemory) -> None:
-    """Holds the torque for one period, and reads the forces of its last step."""
+    """Holds the command for one period, and reads the forces of its last step."""
     _gather(c.qpos, c.mechanism_at, c.mechanism_positions, c.n_mechanisms)
     _gather(c.qvel, c.mechanism_dof, c.mechanism_rates, c.n_mechanisms)
     _gather(c.qpos, c.loose_at, c.loose, c.n_loose)
-    copy(c.control.torque, c.motors, c.control.n)
-    for _ in range(c.substeps):
+    n = c.control.n
+    if c.servo.code == 0:
+        copy(c.control.torque, c.motors, n)
+    for number in range(c.substeps):
         if c.simple:
             call(c.mj_step, c.model, c.data)
         else:
@@ -86,8 +89,12 @@ def _step(c: TickMemory) -> None:
             _drive(c)
             call(c.mj_step1, c.model, c.data)
             _apply(c)
+            _serve(c, number)
             _constrain(c)
             call(c.mj_step2, c.model, c.data)
+    if c.servo.code != 0:
+        copy(c.servo_wanted, c.servo_exerted, n)
+        copy(c.servo_state[n:], c.servo_shown, n)
     if c.grip_rows:
         words = c.data_words
         call(c.memcpy, c.grip_rows, words[c.at_efc_force] + c.grip_first, c.grip_bytes)
@@ -136,6 +143,30 @@ def _apply(c: TickMemory) -> None:
         applied, where, forces = c.applied, c.detent_dof, c.detent_forces
         for i in range(c.n_detents):
             applied[where[i]] += forces[i]
+
+
+def _serve(c: TickMemory, step: int) -> None:
+    """Has the servo of the joints set the torques, if it ticks in this step."""
+    if c.servo.code == 0 or step % c.servo_every != 0:
+        return
+    enter(
+        c.control.torque,
+        c.servo_before,
+        c.servo_queue,
+        c.servo_delayed,
+        c.servo_place,
+        c.servo_rows,
+        c.control.n,
+        c.servo_ticks,
+        c.servo_positions,
+        step // c.servo_every + 1,
+    )
+    call(c.mj_fullM, c.model, c.data, c.servo_H)
+    if c.servo_unknown:
+        call(c.mj_jacBody, c.model, c.data, c.servo_J, c.servo_turning_J, c.tip_body)
+    evaluate(c.servo)
+    copy(c.servo_next_state, c.servo_state, 4 * c.control.n)
+    copy(c.servo_wanted, c.motors, c.control.n)
 
 
 def _constrain(c: TickMemory) -> None:
