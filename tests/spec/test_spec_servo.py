@@ -153,3 +153,16 @@ def test_a_servo_in_a_file_of_ones_own(tmp_path):
     )
     assert loaded.task.robot.servo.bandwidth == 12
     assert [path.name for path in loaded.included] == ["arm.yaml"]
+
+
+@pytest.mark.parametrize("section", ["vary", "truth"])
+def test_servos_of_torques_do_not_differ(section):
+    value = "2..10 ms" if section == "vary" else "10 ms"
+    codes = [each[0] for each in errors("base: {}", f"{section}: {{robot.servo.delay: {value}}}")]
+    assert codes == ["TS026"]
+
+
+def test_commands_that_are_no_torques_have_no_faults_of_torques():
+    faults = "truth: {faults: [{torque: gain 0.8, at: 1 s}]}"
+    assert [each[0] for each in errors("command: velocity", faults)] == ["TS026"]
+    load_text(text("base: {}", faults), "servo.yaml")
