@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Reference:
+class ServoReference:
     """The reference of joints (n,), as it is before or after a tick of the servo.
 
     Attributes:
@@ -63,7 +63,7 @@ class Following:
     acceleration: ca.SX
     jerk: ca.SX
 
-    def after(self, before: Reference, command: ca.SX, *, positions: bool) -> Reference:
+    def after(self, before: ServoReference, command: ca.SX, *, positions: bool) -> ServoReference:
         """The reference at the end of a tick.
 
         What limits take from a velocity is lost: the set point goes back to where the reference
@@ -95,7 +95,7 @@ class Following:
         q = ca.if_else(limited, before.q + h * (before.v + v) / 2, free_q)
         if not positions:
             r = ca.if_else(limited, q + (a - 2 * zeta * w * (z - v)) / w**2, r)
-        return Reference(r, q, v, a)
+        return ServoReference(r, q, v, a)
 
 
 def _within(value: ca.SX, least: ca.SX, most: ca.SX) -> ca.SX:

@@ -249,6 +249,13 @@ def target_of(path: str, data: Map, context: ParseContext, section: str) -> Vari
     span = data.node.key_span(path)
     can = "can vary" if section == "vary" else "can be otherwise in truth"
     if of.section == "robot":
+        if of.first == "servo" and mapping(context.data.get("robot")).get("command") in (
+            None,
+            "torque",
+        ):
+            message = "joints that are commanded torques have no servo"
+            context.error("TS026", message, span, "say: robot: {command: velocity}, or position")
+            return None
         if of.key in ROBOT:
             return ROBOT[of.key]
         near = closest(of.key, ROBOT)

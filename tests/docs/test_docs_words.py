@@ -27,6 +27,7 @@ from taskspec.spec import Robot, Task
 from taskspec.spec.mechanism import Detent
 from taskspec.spec.model import Model
 from taskspec.spec.robot import Noise, Payload, Pose, Sensor, Start, Tool
+from taskspec.spec.servo import Servo
 from taskspec.text.confines import VARIABLE
 from taskspec.text.diagnostic import SpecError
 from taskspec.text.units import UNITS
@@ -272,6 +273,7 @@ def test_what_can_vary():
         "base": Pose,
         "start": Start,
         "payload": Payload,
+        "servo": Servo,
     }
     detents = [f"world.catch.detent.{key}" for key in Detent.model_fields]
     paths = [
@@ -291,7 +293,8 @@ def test_what_can_vary():
 
 def _read(head: str, varied: dict[str, str]) -> set[str]:
     """The paths that may vary so: one line each, those with a finding left out until none has."""
-    text = f"taskspec: 1\nrobot: {{model: panda}}\nstages: {{wait: {{time: 1 s}}}}\n{head}vary:\n"
+    text = "taskspec: 1\nrobot: {model: panda, command: velocity}\nstages: {wait: {time: 1 s}}\n"
+    text += f"{head}vary:\n"
     first = text.count("\n") + 1
     left = list(varied)
     while left:

@@ -8,6 +8,7 @@ from taskspec.spec import load_text
 from taskspec.spec.robot_file import built_in
 from taskspec.spec.servo import NUMBERS, VARIED, Servo
 from taskspec.text.diagnostic import SpecError
+from taskspec_runner.cli.sheet.servo import servo_rows
 
 
 def text(robot: str, rest: str = "", model: str = "panda") -> str:
@@ -153,3 +154,25 @@ def test_a_servo_in_a_file_of_ones_own(tmp_path):
     )
     assert loaded.task.robot.servo.bandwidth == 12
     assert [path.name for path in loaded.included] == ["arm.yaml"]
+
+
+@pytest.mark.parametrize("section", ["vary", "truth"])
+def test_servos_of_torques_do_not_differ(section):
+    value = "2..10 ms" if section == "vary" else "10 ms"
+    codes = [each[0] for each in errors("base: {}", f"{section}: {{robot.servo.delay: {value}}}")]
+    assert codes == ["TS026"]
+
+
+def test_commands_that_are_no_torques_have_no_faults_of_torques():
+    faults = "truth: {faults: [{torque: gain 0.8, at: 1 s}]}"
+    assert [each[0] for each in errors("command: velocity", faults)] == ["TS026"]
+    load_text(text("base: {}", faults), "servo.yaml")
+
+
+def test_explain_has_a_row_for_each_number_with_its_source():
+    told = "command: velocity, servo: {delay: 6 ms, sources: {delay: measured in May}}"
+    rows = dict(servo_rows(load_text(text(told), "servo.yaml").task.robot))
+    assert rows["commanded"] == "joint velocities"
+    assert rows["servo: delay"] == "6 ms (from: measured in May)"
+    assert rows["servo: bandwidth"] == "20 Hz (from: an assumption)"
+    assert list(servo_rows(load_text(text("base: {}"), "servo.yaml").task.robot)) == []

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.control.servo import Following, Reference, drive_gains, transition
+from taskspec.control.servo import Following, ServoReference, drive_gains, transition
 from taskspec.native.kernel import Vector, Words, vector
 from taskspec.program.bound import Wiring
 from taskspec.spec import Task
@@ -117,7 +117,7 @@ class JointServo:
         stiffness = None
         if servo.stiffness is not None:
             stiffness = wiring.numbers("stiffness", *_of_joints(servo.stiffness, 0.0, n))
-        now = Reference(*ca.vertsplit(wiring.reads("state", self.state), n))
+        now = ServoReference(*ca.vertsplit(wiring.reads("state", self.state), n))
         command = wiring.reads("delayed", self.delayed)
         after = following.after(now, command, positions=self.positions)
         K, D = drive_gains(H, w, zeta, stiffness)

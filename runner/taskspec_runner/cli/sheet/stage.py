@@ -22,6 +22,7 @@ from taskspec_runner.cli.sheet.axes import AxisRow, axis_row, equation_row, join
 from taskspec_runner.cli.sheet.limits import limit_rows
 from taskspec_runner.cli.sheet.protection import protection_rows
 from taskspec_runner.cli.sheet.selection import selection_rows
+from taskspec_runner.cli.sheet.servo import servo_rows
 from taskspec_runner.cli.sheet.terms import TermsSheet, terms_sheet
 from taskspec_runner.cli.sheet.visits import StageTrial
 from taskspec_runner.trial.trial import Trial
@@ -90,6 +91,7 @@ def robot_rows(program: Program) -> tuple[tuple[str, str], ...]:
         *_holds(context.loaded.task.robot.grasp),
         ("start", f"tool tip at [{position}] mm in the world"),
         *protection_rows(context.loaded.task.robot.protection, robot),
+        *servo_rows(context.loaded.task.robot),
         *(("note", note) for note in robot.notes),
     )
 
