@@ -23,9 +23,12 @@ from taskspec.program.execution.exits import repeats
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, exits
 from taskspec.program.program import Program
+from taskspec_runner.controller_c.header import header_facts
 from taskspec_runner.controller_c.layout import Layout
 
 _FOLDER = Path(__file__).parent / "c"
+#: Of an instance beside its layout, as controller.c has it.
+_OWN_BYTES = 104
 _EVALUATION = """\
 struct Evaluation {
     int64_t code;
@@ -48,14 +51,14 @@ class Controller:
         name: what its functions and types begin with.
         digest: SHA-256 of what it is made of, in hexadecimal.
         header, source: texts of its two files.
-        numbers: doubles of one instance.
+        size: bytes that are enough for an instance.
     """
 
     name: str
     digest: str
     header: str
     source: str
-    numbers: int
+    size: int
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """Writes NAME.h and NAME.c; their paths.
@@ -82,7 +85,7 @@ def controller_of(program: Program) -> Controller:
     for memory in memories:
         memory.alone, memory.solves = 1, memory.has_program
     layout = Layout(memories)
-    text = (_FOLDER / "controller.c").read_text(encoding="utf-8")
+    text, header = ((_FOLDER / f"controller.{end}").read_text(encoding="utf-8") for end in "ch")
     facts = _facts(program, machine, name, layout)
     parts = {
         "INITIAL": _initial(layout),
@@ -93,11 +96,10 @@ def controller_of(program: Program) -> Controller:
         "EVENTS": _events(machine),
         **facts,
     }
-    made_of = "\n".join((text, *(f"{key} {part}" for key, part in sorted(parts.items()))))
+    made_of = "\n".join((text, header, *(f"{key} {part}" for key, part in sorted(parts.items()))))
     parts["HASH"] = digest = hashlib.sha256(made_of.encode()).hexdigest()
-    header = _filled((_FOLDER / "controller.h").read_text(encoding="utf-8"), parts)
-    numbers = len(layout.blocks[Kind.VECTOR].values)
-    return Controller(name, digest, header, _filled(text, parts), numbers)
+    size = int(parts["SIZE"])
+    return Controller(name, digest, _filled(header, parts), _filled(text, parts), size)
 
 
 def identifier(name: str) -> str:
@@ -190,30 +192,23 @@ def _facts(program: Program, machine: Machine, name: str, layout: Layout) -> dic
     context = program.context
     loaded, robot = context.loaded, context.robot
     stages = [runner.stage.name for runner in machine.runners]
-    sensor = machine.sensor is not None
-    wrench = (
-        "reading of the sensor, axes of the tool, about the tip, tool's weight included"
-        if sensor
-        else "force and moment about the tip, by the environment on the tool, world axes"
-    )
-    joints = "\n".join(f" *   {i}: {joint}" for i, joint in enumerate(robot.joint_names))
     return {
         "NAME": name,
         "UPPER": name.upper(),
         "TITLE": loaded.task.name,
         "VERSION": version("taskspec-robotics"),
         "JOINTS": str(robot.n),
-        "JOINT_NAMES": joints,
         "REACTIONS": str(len(context.equations)),
         "REACTION_ROOM": str(max(len(context.equations), 1)),
-        "REACTION_NAMES": ", ".join(context.equations) or "none",
         "PERIOD": number(context.period),
         "RATE": f"{1 / context.period:g}",
-        "WRENCH": wrench,
-        "SENSOR": "1" if sensor else "0",
+        "START": ", ".join(number(float(q)) for q in context.start),
+        "SENSOR": str(int(machine.sensor is not None)),
+        "SIZE": str(layout.size + 8 * robot.n + _OWN_BYTES),
         "STAGES": str(len(stages)),
         "STAGE_NAMES": ", ".join(map(_quoted, stages)),
         "READING": _reading(machine, layout),
+        **header_facts(program, machine),
     }
 
 
