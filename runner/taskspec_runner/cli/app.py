@@ -370,7 +370,11 @@ def export(
     rerun: Annotated[bool, typer.Option("--rerun", help="Write a Rerun recording.")] = False,
     c: Annotated[
         Path | None,
-        typer.Option("--c", metavar="DIR", help="Write a task's controller as C99 into a folder."),
+        typer.Option(
+            "--c",
+            metavar="DIR",
+            help="Write the controller of a task file as C99: NAME.h and NAME.c in a folder.",
+        ),
     ] = None,
     given: options.TaskOptions,
     start: options.From = None,

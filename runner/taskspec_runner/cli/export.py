@@ -1,7 +1,8 @@
-"""`taskspec export`: the log of a run for other tools."""
+"""`taskspec export`: the log of a run for other tools, the controller of a task as C."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -39,12 +40,24 @@ def export_controller(
     try:
         header, source = made.write(folder)
     except OSError as error:
-        raise InputError(f"{folder} cannot be written: {error.strerror or error}") from error
-    typer.echo(f"{header}\n{source}")
-    library = folder / f"{made.name}.so"
-    typer.echo(f"compile it: cc -std=c99 -O2 -shared -fPIC {source} -o {library} -lm")
-    typer.echo(f"judge it:   taskspec run {file} --on lib:{library}")
+        why = "it is a file" if folder.is_file() else error.strerror or error
+        raise InputError(f"{folder} cannot be written to: {why}; name a folder") from error
+    library, name = folder / f"{made.name}.so", made.name
+    sizes = [f"{path.stat().st_size / 1000:.0f} kB" for path in (header, source)]
+    typer.echo(f"{header}  {sizes[0]}: what goes in and out, units, frames, signs and ends")
+    typer.echo(f"{source}  {sizes[1]}; an instance takes {made.size} bytes, and no heap")
+    typer.echo("Compile it as a library, and have it drive the plant of the file:")
+    typer.echo(f"  cc -std=c99 -O2 -shared -fPIC {_word(source)} -o {_word(library)} -lm")
+    sets = "".join(f" --set {shlex.quote(each)}" for each in given.sets)
+    sets += "" if given.law is None else f" --law {given.law}"
+    typer.echo(f"  taskspec run {_word(file)}{sets} --on lib:{_word(library)}")
+    typer.echo(f"Or call {name}_init, {name}_start and {name}_step in a program of your own.")
     return 0
+
+
+def _word(path: Path) -> str:
+    """A path as a word of a shell's command."""
+    return shlex.quote(str(path))
 
 
 def export_log(

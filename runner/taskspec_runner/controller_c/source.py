@@ -36,6 +36,19 @@ struct Evaluation {
     double *const *results;
 };
 static void ts_evaluate(struct Evaluation *f);"""
+#: Words of C and C++, which name no structure, and headers of C, which a file may not hide.
+_TAKEN = frozenset(
+    "alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl "  # noqa: SIM905
+    "concept const consteval constexpr constinit const_cast continue co_await co_return co_yield "
+    "decltype default delete do double dynamic_cast else enum explicit export extern false float "
+    "for friend goto if inline int long mutable namespace new noexcept not not_eq nullptr operator "
+    "or or_eq private protected public register reinterpret_cast requires restrict return short "
+    "signed sizeof static static_assert static_cast struct switch template this thread_local throw "
+    "true try typedef typeid typename union unsigned using virtual void volatile wchar_t while xor "
+    "xor_eq assert complex ctype errno fenv inttypes iso646 limits locale math setjmp signal "
+    "stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath "
+    "threads time uchar wchar wctype".split()
+)
 #: What the machine calls of the kernel.
 _KERNEL = (
     *(controller.start, controller.control, controller.open_stage, controller.leave),
@@ -105,7 +118,8 @@ def controller_of(program: Program) -> Controller:
 def identifier(name: str) -> str:
     """A name of C for a task's name."""
     written = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return written if written[:1].isalpha() else f"task_{written}"
+    taken = written in _TAKEN or not written[:1].isalpha()
+    return f"task_{written}" if taken else written
 
 
 def _filled(text: str, parts: dict[str, str]) -> str:
