@@ -386,7 +386,9 @@ def export(
     chosen = {"csv": csv, "parquet": parquet, "mcap": mcap, "rerun": rerun}
     forms = [form for form, wanted in chosen.items() if wanted]
     if c is not None:
-        return exports.export_controller(folder, c, given, forms)
+        exports.of_a_task(path, forms, start, end)
+        return exports.export_controller(folder, c, given)
+    exports.of_a_run(given)
     return exports.export_log(folder, path, forms, start, end)
 
 

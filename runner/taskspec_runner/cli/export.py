@@ -13,23 +13,44 @@ from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 
 
-def export_controller(
-    file: Path, folder: Path, given: TaskOptions, forms: Sequence[str] = ()
-) -> int:
+def of_a_task(
+    path: Path | None, forms: Sequence[str], start: float | None, end: float | None
+) -> None:
+    """Refuses with --c what is of the log of a run.
+
+    Raises:
+        InputError: there is such a thing.
+    """
+    given = {f"--{form}": True for form in forms}
+    given |= {"--from": start is not None, "--to": end is not None, str(path): path is not None}
+    wrong = [name for name, is_given in given.items() if is_given]
+    if wrong:
+        raise InputError(f"{wrong[0]} is of the log of a run, --c of a task file; leave one out")
+
+
+def of_a_run(given: TaskOptions) -> None:
+    """Refuses without --c what is of a task file.
+
+    Raises:
+        InputError: there is such a thing.
+    """
+    if given.sets or given.law is not None:
+        wrong = "--set" if given.sets else "--law"
+        raise InputError(f"{wrong} is of a task file, which --c DIR exports; a log is as it is")
+
+
+def export_controller(file: Path, folder: Path, given: TaskOptions) -> int:
     """Writes a task's controller as C and says where, and how it is compiled.
 
     Args:
         file: the task file.
         folder: to write into.
         given: what the task is changed by.
-        forms: formats of logs, of which a task has none.
 
     Raises:
         SpecError: the task is refused.
         InputError: the file is no task, or the folder cannot be written.
     """
-    if forms:
-        raise InputError(f"--{forms[0]} is of the log of a run, --c of a task file; name one")
     if file.is_dir():
         raise InputError(f"--c takes a task file, and {file} is a folder")
     from taskspec_runner.cli.run import admitted

@@ -40,7 +40,7 @@ class ControllerLibrary:
             InputError: it is no library, or not of this controller.
         """
         name = controller.name
-        again = f"compile it: cc -std=c99 -O2 -shared -fPIC {name}.c -o {path} -lm"
+        again = f"compile it: cc -std=c99 -O2 -shared -fPIC {name}.c -o {name}.so -lm"
         try:
             # By its whole path: a bare name would be searched for elsewhere.
             self._library = ctypes.CDLL(str(path.resolve(strict=True)))

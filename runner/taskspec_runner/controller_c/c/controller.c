@@ -10,6 +10,11 @@
 #error "compile it without -ffast-math and -Ofast: numbers that are not finite have to end the task"
 #endif
 
+#ifdef __GNUC__
+/* Not every task needs all of what follows. */
+#pragma GCC diagnostic ignored "-Wunused-function"
+#endif
+
 /* ---- what Python means where C means something else */
 
 static inline int64_t py_mod(int64_t x, int64_t y)
