@@ -1,0 +1,135 @@
+"""Signals of the language as a stage of a program reads them, and what it remembers of them."""
+
+from __future__ import annotations
+
+from dataclasses import field
+
+from taskspec.deferred_methods import dataclass
+from taskspec.expression import Expression
+from taskspec.expression.tree import Held, Name, Reduce
+from taskspec.geometry.axis import AXES, Axis, as_axis
+from taskspec.program.plan import StagePlan
+from taskspec_runner.urscript.expressions import UntranslatableError, translated
+from taskspec_runner.urscript.script import identifier, number
+
+_EXTREMES = {"max": ">", "min": "<"}
+
+
+def sampled(kind: str, frame: str) -> str:
+    """The variable with what is measured in a frame; that of the stage's own is short."""
+    return kind if frame == "frame" else f"{kind}_in_{frame.lower()}"
+
+
+@dataclass(slots=True)
+class Reader:
+    """Writes expressions of a stage, and collects what they need.
+
+    Attributes:
+        stage: whose they are.
+        params: names of the task's params in the program.
+        frames: names of fixed frames in the program.
+        now: variables that are measured in each period, with their values.
+        before: lines ahead of the loop.
+        update: lines in each period, once `now` is measured.
+    """
+
+    stage: StagePlan
+    params: dict[str, str]
+    frames: dict[str, str]
+    now: dict[str, str] = field(default_factory=dict)
+    before: list[str] = field(default_factory=list)
+    update: list[str] = field(default_factory=list)
+
+    def condition(self, expression: Expression) -> str:
+        """A guard; what it remembers is updated in each period."""
+        return translated(expression.tree, self._signal, self._remembered)
+
+    def reference(self, expression: Expression, **names: str) -> str:
+        """A reference; what it is of may have other names, such as a time of its own for t."""
+
+        def lookup(name: Name) -> str:
+            return names.get(str(name)) or self._signal(name)
+
+        return translated(expression.tree, lookup)
+
+    def measured(self, kind: str, frame: str = "frame") -> str:
+        """A variable with six numbers in a frame: applied, where or speed."""
+        functions = {"applied": "applied_in", "where": "tool_in", "speed": "speed_in"}
+        name = sampled(kind, frame)
+        self.now[name] = f"{functions[kind]}({frame})"
+        return name
+
+    def _remembered(self, node: Held | Reduce) -> str:
+        count = sum(line.startswith("local seen_") for line in self.before) + 1
+        name = f"seen_{count}"
+        if isinstance(node, Held):
+            holds = translated(node.x, self._signal, self._remembered)
+            self.before.append(f"local {name} = 0.0")
+            self.update += [
+                f"if {holds}:",
+                f"  {name} = {name} + STEP",
+                "else:",
+                f"  {name} = 0.0",
+                "end",
+            ]
+            return f"({name} >= {number(node.amount.value_si)} - STEP / 2.0)"
+        if node.reducer not in _EXTREMES:
+            raise UntranslatableError(node, f"'{node.reducer}' over a stage is not kept")
+        value = translated(node.arg, self._signal, self._remembered)
+        self.before.append(f"local {name} = 0.0")
+        self.update += [
+            f"if t < STEP / 2.0 or {value} {_EXTREMES[node.reducer]} {name}:",
+            f"  {name} = {value}",
+            "end",
+        ]
+        return name
+
+    def _signal(self, name: Name) -> str:
+        path, frame = name.path, "frame"
+        if name.frame is not None:
+            if name.frame not in self.frames:
+                raise UntranslatableError(name, f"frame {name.frame!r} is no fixed frame")
+            frame = self.frames[name.frame]
+        match path:
+            case ("pi",):
+                return "PI"
+            case ("t",):
+                return "t"
+            case ("clock",):
+                return "clock"
+            case (param,) if param in self.params:
+                return self.params[param]
+            case ("force" | "torque", axis) if axis in AXES:
+                return f"{self.measured('applied', frame)}[{Axis(axis).row}]"
+            case ("velocity", axis) if axis in AXES:
+                return f"{self.measured('speed', frame)}[{Axis(axis).row}]"
+            case ("position", axis) if axis in AXES:
+                return self._position(name, Axis(axis), frame)
+            case ("speed",):
+                self.now["tool_speed_now"] = "tool_speed()"
+                return "tool_speed_now"
+            case ("travel",):
+                return "distance_from(began)"
+            case ("touching",):
+                force = self.measured("applied")
+                return f"length_of({force}[0], {force}[1], {force}[2]) > TOUCHING"
+            case ("path_done",):
+                return "path_done"
+            case (stage, "visits"):
+                return f"visits_{identifier(stage)}"
+            case _:
+                raise UntranslatableError(name, f"the program does not measure '{name}'")
+
+    def _position(self, name: Name, axis: Axis, frame: str) -> str:
+        where = self.measured("where", frame)
+        if not axis.is_rotation:
+            return f"{where}[{axis.row}]"
+        if frame != "frame":
+            raise UntranslatableError(name, "turns count from the stage's start in its own frame")
+        self.now["turned"] = f"turned_since(place, {where})"
+        return f"turned[{axis.row}]"
+
+
+def leader(name: Name) -> Axis | None:
+    """The axis whose coordinate a name in `follows` means."""
+    return as_axis(str(name))

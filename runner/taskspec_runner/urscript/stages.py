@@ -1,0 +1,415 @@
+"""A stage as a function of a program: it returns the number of the stage that follows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from taskspec.expression import Expression
+from taskspec.geometry.axis import AXES, Axis
+from taskspec.modes import DEFAULT_RAMP, FreeAxis
+from taskspec.motion.joint_path import JointPath
+from taskspec.program.execution.transition import FAIL
+from taskspec.program.plan import StagePlan
+from taskspec.spec import FILE, KeyPath, Limits
+from taskspec.text.units import LENGTH, TIME, show
+from taskspec_runner.urscript import losses
+from taskspec_runner.urscript.expressions import UntranslatableError
+from taskspec_runner.urscript.references import Motion, References, by_rates, stands
+from taskspec_runner.urscript.script import Constants, Lines, Loss, Section, listed, number
+from taskspec_runner.urscript.signals import Reader
+
+#: A force that a compliant axis is given has it move at no less than this in free space [m/s].
+_SLOWEST = 0.01
+
+
+class PartError(Exception):
+    """A part of a stage has no counterpart in URScript.
+
+    Attributes:
+        place: of the expression.
+        error: which part, and why.
+    """
+
+    def __init__(self, place: KeyPath, error: UntranslatableError, expression: Expression) -> None:
+        super().__init__(str(error))
+        self.place, self.error, self.expression = place, error, expression
+
+
+class StageWriter:
+    """Writes the function of a stage."""
+
+    def __init__(
+        self,
+        stage: StagePlan,
+        following: str,
+        frame: str,
+        reader: Reader,
+        numbers: Mapping[str, str],
+        prefix: str,
+    ) -> None:
+        """Of a stage.
+
+        Args:
+            stage: its plan.
+            following: name of the next stage of the file, `end` after the last one.
+            frame: expression of its frame in the base as the stage starts.
+            reader: of its signals.
+            numbers: names of the stages' numbers in the program, `end` among them.
+            prefix: of the stage's names.
+        """
+        self._stage, self._following, self._frame = stage, following, frame
+        self._reader, self._numbers, self._prefix = reader, numbers, prefix
+        self._constants = Constants()
+        self._place = FILE.stages[stage.name]
+        self._losses: list[Loss] = losses.of_stage(stage)
+        pressed = {
+            axis: plan
+            for axis, plan in stage.plans.items()
+            if stage.joint_path is None and (plan.set_point or isinstance(plan.mode, FreeAxis))
+        }
+        self._pressed = pressed
+
+    def section(self, title: str, quoted: Iterable[str], function: str) -> Section:
+        """The stage as a part of the program.
+
+        Raises:
+            PartError: a part has no counterpart.
+        """
+        if self._stage.joint_path is not None:
+            lines = self._joints(function)
+        else:
+            lines = self._cartesian(function)
+        return Section(title, tuple(quoted), self._losses, self._constants.all, lines)
+
+    # The tool
+
+    def _cartesian(self, function: str) -> list[str]:
+        stage, reader = self._stage, self._reader
+        motion = self._motion()
+        forces = self._forces()
+        ending = self._ending(motion)
+        self._losses += motion.losses
+        out = Lines()
+        with out.block(f"def {function}():"):
+            out.add(f'textmsg(PROGRAM, "stage {stage.name}")')
+            self._count(out)
+            if self._pressed:
+                out.add("start_force_mode()")
+            elif by_rates(stage):
+                out.add("leave_force_mode()")
+            else:
+                out.add("leave_force_mode()", "stopl(TOOL_ACCELERATION)")
+            out.add(f"local frame = {self._frame}")
+            if self._uses_place(motion) or "turned" in reader.now:
+                out.add("local place = tool_in(frame)")
+            if self._uses_start():
+                out.add("local began = get_actual_tcp_pose()")
+            if forces:
+                out.add("local applied_before = applied_in(frame)")
+            out.add("local t = 0.0", *motion.before, *reader.before)
+            with out.block("while True:"):
+                for name, value in reader.now.items():
+                    out.add(f"local {name} = {value}")
+                if any("path_done" in line for line in (*ending.lines, *reader.update)):
+                    last = motion.path_lasts or "0.0"
+                    out.add(f"local path_done = {motion.path_time} >= {last} - STEP / 2.0")
+                out.add(*reader.update, *ending.lines, *motion.each, *forces)
+                out.add(*self._command(motion), *motion.after)
+                out.add("t = t + STEP", "clock = clock + STEP")
+        return out.lines
+
+    def _motion(self) -> References:
+        motion = Motion(self._stage, self._constants, self._prefix)
+        leaders = {str(axis): str(axis) for axis in AXES}
+
+        def written(expression: Expression) -> str:
+            names = {"t": "own_time"} if self._is_position(expression) else {}
+            follows = {a: n for a, n in leaders.items() if expression.uses(a)}
+            for axis in follows:
+                if self._stage.plans[Axis(axis)].set_point or not self._leads(Axis(axis)):
+                    follows[axis] = f"{self._reader.measured('where')}[{Axis(axis).row}]"
+            return self._translated(self._place_of(expression), expression, **names, **follows)
+
+        if stands(self._stage):
+            return References()
+        return motion.rates(written) if by_rates(self._stage) else motion.coordinates(written)
+
+    def _leads(self, axis: Axis) -> bool:
+        return self._stage.plans[axis].leads and axis in self._stage.spec.axes
+
+    def _is_position(self, expression: Expression) -> bool:
+        modes = (plan.mode for plan in self._stage.plans.values())
+        return any(getattr(mode, "position", None) is expression for mode in modes)
+
+    def _place_of(self, expression: Expression) -> KeyPath:
+        for axis, entry in self._stage.spec.axes.items():
+            if any(each is expression for each, _ in entry.expressions()):
+                return self._place.axes[axis]
+        return self._place.path
+
+    def _translated(self, place: KeyPath, expression: Expression, **names: str) -> str:
+        try:
+            return self._reader.reference(expression, **names)
+        except UntranslatableError as error:
+            raise PartError(place, error, expression) from error
+
+    def _forces(self) -> list[str]:
+        """The call of force_mode in each period."""
+        if not self._pressed:
+            return []
+        selection, wrench, most = [0] * 6, ["0.0"] * 6, list[str]()
+        for axis, plan in self._pressed.items():
+            selection[axis.row] = 1
+            point = plan.axis.set_point
+            if point is None:
+                continue
+            wanted = self._wanted(axis, point.wanted)
+            if point.ramp == 0:
+                wrench[axis.row] = wanted
+                continue
+            ramp = self._constants.add(
+                f"{self._prefix}_{axis.upper()}_RAMP", number(point.ramp or DEFAULT_RAMP), "s"
+            )
+            before = f"applied_before[{axis.row}]"
+            change = f"-{before}" if wanted == "0.0" else f"({wanted} - {before})"
+            wrench[axis.row] = f"{before} + ramp(t / {ramp}) * {change}"
+            wrench[axis.row] = wrench[axis.row].replace(f"* -{before}", f"* (-{before})")
+        for axis in AXES:
+            most.append(self._bound(axis, compliant=bool(selection[axis.row])))
+        chosen = self._constants.add(
+            f"{self._prefix}_COMPLIANT", f"[{', '.join(map(str, selection))}]", "1: yields"
+        )
+        bounds = self._constants.add(
+            f"{self._prefix}_BOUNDS",
+            f"[{', '.join(most)}]",
+            "of compliant axes: speed, m/s and rad/s; of stiff ones: deviation, m and rad",
+        )
+        wanted = f"local wrench = [{', '.join(wrench)}]"
+        call = f"force_mode(at_tool(frame), {chosen}, wrench, FRAME_AS_IT_IS, {bounds})"
+        return [wanted, call]
+
+    def _wanted(self, axis: Axis, expression: Expression) -> str:
+        text = self._translated(self._place_of(expression), expression)
+        known = self._stage.known(expression)
+        if known == 0.0:
+            return "0.0"
+        if text.lstrip("-").replace(".", "").isdigit():
+            unit = "N m" if axis.is_rotation else "N"
+            effort = "MOMENT" if axis.is_rotation else "FORCE"
+            name = f"{self._prefix}_{axis.upper()}_{effort}"
+            return self._constants.add(name, text, f"{unit}, {expression}")
+        return text
+
+    def _bound(self, axis: Axis, *, compliant: bool) -> str:
+        """The bound that force_mode has on an axis."""
+        limits = self._stage.limits
+        if not compliant:
+            if limits.deviation is not None and not axis.is_rotation:
+                return number(limits.deviation)
+            return "DEVIATION_TURN" if axis.is_rotation else "DEVIATION"
+        if axis.is_rotation:
+            return "COMPLIANT_TURN"
+        point, gains = self._pressed[axis].axis.set_point, self._stage.gains
+        force = None if point is None else self._stage.known(point.wanted, {"t": 0.0})
+        damping = gains.get("force.damping", {}).get(axis) or gains.get("damping", {}).get(axis)
+        if not force or damping is None or damping.value <= 0:
+            return "COMPLIANT_SPEED"
+        speed = max(abs(force) / damping.value, _SLOWEST)
+        name = f"{self._prefix}_{axis.upper()}_FREE_SPEED"
+        most = min(speed, limits.speed or speed)
+        about = "m/s, at which the law's damping takes up the force in free space"
+        return self._constants.add(name, number(round(most, 4)), about)
+
+    def _command(self, motion: References) -> list[str]:
+        if stands(self._stage):
+            return ["sync()"]
+        values = ", ".join(motion.value[axis] for axis in AXES)
+        if by_rates(self._stage):
+            return [f"move_at(frame, {values})"]
+        return [f"track(pose_trans(frame, pose_trans(p[{values}], axes_of(place))))"]
+
+    def _uses_place(self, motion: References) -> bool:
+        return not stands(self._stage) and not by_rates(self._stage)
+
+    def _uses_start(self) -> bool:
+        within = self._stage.spec.within
+        travels = within is not None and within.travel is not None
+        conditions = (self._stage.spec.until, self._stage.spec.fail_if)
+        return travels or any(c is not None and c.uses("travel") for c in conditions)
+
+    # Joints
+
+    def _joints(self, function: str) -> list[str]:
+        path = self._stage.joint_path
+        assert isinstance(path, JointPath)
+        assert path.speed is not None
+        speed = self._constants.add(f"{self._prefix}_SPEED", number(path.speed), "rad/s")
+        names = [
+            self._constants.add(f"{self._prefix}_JOINTS_{i}", listed(target), "rad")
+            for i, target in enumerate(path.targets, 1)
+        ]
+        motion = References(path_lasts="0.0")
+        ending = self._ending(motion, own=f"piece >= {len(names)}")
+        out = Lines()
+        with out.block(f"def {function}():"):
+            out.add(f'textmsg(PROGRAM, "stage {self._stage.name}")')
+            self._count(out)
+            out.add("leave_force_mode()", "stopl(TOOL_ACCELERATION)")
+            if self._reads_frame():
+                out.add(f"local frame = {self._frame}")
+            if self._uses_start():
+                out.add("local began = get_actual_tcp_pose()")
+            out.add("local t = 0.0", "local piece = 0", "local piece_t = 0.0")
+            out.add("local from_joints = get_actual_joint_positions()")
+            out.add(f"local to_joints = {names[0]}")
+            out.add(*self._reader.before)
+            with out.block("while True:"):
+                for name, value in self._reader.now.items():
+                    out.add(f"local {name} = {value}")
+                out.add("local way = longest_travel(from_joints, to_joints)")
+                with out.block(f"if piece_t >= travel_time(way, {speed}, RISE_TIME) - STEP / 2.0:"):
+                    out.add("piece = piece + 1", "piece_t = 0.0", "from_joints = to_joints")
+                    for i, name in enumerate(names[1:], 1):
+                        with out.block(f"if piece == {i}:"):
+                            out.add(f"to_joints = {name}")
+                    out.add("way = longest_travel(from_joints, to_joints)")
+                out.add(*self._reader.update, *ending.lines)
+                covered = f"travel(piece_t, way, {speed}, RISE_TIME)"
+                share = f"{covered} / larger(way, NOWHERE)"
+                out.add(f"track_joints(between(from_joints, to_joints, {share}))")
+                out.add("piece_t = piece_t + STEP", "t = t + STEP", "clock = clock + STEP")
+        return out.lines
+
+    def _reads_frame(self) -> bool:
+        return any("(frame)" in value for value in self._reader.now.values())
+
+    # Its ends
+
+    def _count(self, out: Lines) -> None:
+        attempts = self._stage.spec.attempts
+        visits = f"visits_{self._prefix.lower()}"
+        out.add(f"{visits} = {visits} + 1")
+        if attempts is not None:
+            most = self._constants.add(f"{self._prefix}_ATTEMPTS", str(attempts))
+            with out.block(f"if {visits} > {most}:"):
+                out.add(self._fails(f"more than {attempts} attempts"))
+
+    def _ending(self, motion: References, own: str = "") -> Lines:
+        """The ends of the stage, in the order in which a tick decides."""
+        out, spec = Lines(), self._stage.spec
+        self._limits(out)
+        if spec.fail_if is not None:
+            with out.block(f"if {self._condition('fail_if', spec.fail_if)}:"):
+                out.add(*self._failed(f"{spec.fail_if}"))
+        if spec.until is not None:
+            with out.block(f"if {self._condition('until', spec.until)}:"):
+                self._done(out, f"{spec.until}")
+        if spec.within is not None and spec.within.time is not None:
+            bound = self._constants.add(
+                f"{self._prefix}_WITHIN", number(spec.within.time), "s, bound of the stage"
+            )
+            with out.block(f"if t >= {bound} - STEP / 2.0:"):
+                out.add(*self._failed(f"not within {show(spec.within.time, TIME)}"))
+        if spec.within is not None and spec.within.travel is not None:
+            bound = self._constants.add(
+                f"{self._prefix}_TRAVEL", number(spec.within.travel), "m, bound of the stage"
+            )
+            with out.block(f"if distance_from(began) > {bound}:"):
+                out.add(*self._failed(f"not within {show(spec.within.travel, LENGTH)} of travel"))
+        if spec.until is None:
+            with out.block(f"if {own or self._over(motion)}:"):
+                self._done(out, "done")
+        return out
+
+    def _over(self, motion: References) -> str:
+        spec = self._stage.spec
+        slowed = motion.path_time != "t"
+        lasts = [number(end) for end in motion.ends if isinstance(end, float)]
+        known = [float(end) for end in lasts]
+        if spec.time is not None:
+            known.append(spec.time)
+        conditions = []
+        if known:
+            name = self._constants.add(f"{self._prefix}_TIME", number(max(known)), "s")
+            conditions.append(f"t >= {name} - STEP / 2.0")
+        if motion.path_lasts:
+            time = motion.path_time if slowed else "t"
+            conditions.append(f"{time} >= {motion.path_lasts} - STEP / 2.0")
+        return " and ".join(conditions)
+
+    def _limits(self, out: Lines) -> None:
+        limits = self._stage.limits
+        for name, rows in (("force", (0, 1, 2)), ("torque", (3, 4, 5))):
+            bound = getattr(limits, name)
+            if bound is None:
+                continue
+            if self._stage.joint_path is not None:
+                self._reader.now["applied"] = "applied_in(WORLD)"
+            else:
+                self._reader.measured("applied")
+            parts = ", ".join(f"applied[{row}]" for row in rows)
+            self._limit(out, name, bound, f"length_of({parts})")
+        if limits.speed is not None:
+            self._limit(out, "speed", limits.speed, "tool_speed()")
+
+    def _limit(self, out: Lines, name: str, bound: float, value: str) -> None:
+        text = f"limit on {name}: {show(bound, Limits.dimension_of(name))}"
+        task = self._stage.context.loaded.task.limits
+        most = f"MOST_{name.upper()}"
+        if getattr(task, name) != bound:
+            unit = {"force": "N", "torque": "N m", "speed": "m/s"}[name]
+            most = self._constants.add(f"{self._prefix}_{most}", number(bound), unit)
+        with out.block(f"if {value} > {most}:"):
+            then = self._stage.limits.then(name)
+            if then and then != self._stage.name:
+                out.add(*self._to(then, text))
+            else:
+                out.add(self._fails(text))
+
+    def _condition(self, key: str, expression: Expression) -> str:
+        try:
+            return self._reader.condition(expression)
+        except UntranslatableError as error:
+            place = self._place.until if key == "until" else self._place.fail_if
+            raise PartError(place, error, expression) from error
+
+    def _done(self, out: Lines, text: str) -> None:
+        spec = self._stage.spec
+        if spec.tare:
+            out.add("zero_ftsensor()")
+        if spec.repeat > 1:
+            again = f"repeats_{self._prefix.lower()}"
+            many = self._constants.add(f"{self._prefix}_REPEAT", str(spec.repeat))
+            out.add(f"{again} = {again} + 1")
+            with out.block(f"if {again} < {many}:"):
+                out.add(f"visits_{self._prefix.lower()} = visits_{self._prefix.lower()} - 1")
+                out.add(f"return {self._numbers[self._stage.name]}")
+            out.add(f"{again} = 0")
+        for number_, branch in enumerate(spec.next):
+            if branch.when is None:
+                continue
+            try:
+                condition = self._reader.condition(branch.when)
+            except UntranslatableError as error:
+                place = self._place.next[number_]
+                raise PartError(place, error, branch.when) from error
+            with out.block(f"if {condition}:"):
+                out.add(*self._to(branch.to, f"{text}; {branch.when}"))
+        out.add(*self._to(spec.targets(self._following)[-1], text))
+
+    def _failed(self, text: str) -> list[str]:
+        return self._to(self._stage.spec.on_fail or FAIL, text)
+
+    def _to(self, target: str, text: str) -> list[str]:
+        if target == FAIL:
+            return [self._fails(text)]
+        message = f'textmsg(PROGRAM, "{self._stage.name} ends: {_quoted(text)}")'
+        return [message, f"return {self._numbers[target]}"]
+
+    def _fails(self, text: str) -> str:
+        return f'fail("{self._stage.name}: {_quoted(text)}")'
+
+
+def _quoted(text: str) -> str:
+    return text.replace('"', "'")
+
