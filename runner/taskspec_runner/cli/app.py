@@ -350,7 +350,7 @@ def export(
     *,
     folder: Annotated[
         Path,
-        typer.Argument(metavar="RUN|FILE", help="The folder of a run; with --c a task file."),
+        typer.Argument(metavar="RUN|FILE", help="The folder of a run, or a task file."),
     ],
     path: Annotated[
         Path | None,
@@ -372,17 +372,25 @@ def export(
         Path | None,
         typer.Option("--c", metavar="DIR", help="Write a task's controller as C99 into a folder."),
     ] = None,
+    urscript: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Write a task as a program of a Universal Robots arm."),
+    ] = None,
     given: options.TaskOptions,
     start: options.From = None,
     end: options.To = None,
 ) -> int:
-    """Write the log of a run for other tools, or the controller of a task as C."""
+    """Write the log of a run for other tools, or a task as C or URScript."""
     from taskspec_runner.cli import export as exports
 
     chosen = {"csv": csv, "parquet": parquet, "mcap": mcap, "rerun": rerun}
     forms = [form for form, wanted in chosen.items() if wanted]
+    if c is not None and urscript is not None:
+        raise typer.BadParameter("--c and --urscript; name one", param_hint="--urscript")
     if c is not None:
         return exports.export_controller(folder, c, given, forms)
+    if urscript is not None:
+        return exports.export_urscript(folder, urscript, given, forms)
     return exports.export_log(folder, path, forms, start, end)
 
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from taskspec_runner.cli.options import TaskOptions
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
+
+if TYPE_CHECKING:
+    from taskspec.program.program import Program
 
 
 def export_controller(
@@ -27,15 +31,9 @@ def export_controller(
         SpecError: the task is refused.
         InputError: the file is no task, or the folder cannot be written.
     """
-    if forms:
-        raise InputError(f"--{forms[0]} is of the log of a run, --c of a task file; name one")
-    if file.is_dir():
-        raise InputError(f"--c takes a task file, and {file} is a folder")
-    from taskspec_runner.cli.run import admitted
     from taskspec_runner.controller_c.source import controller_of
 
-    program = admitted(file, given, force=False)
-    made = controller_of(program)
+    made = controller_of(_program("--c", file, given, forms))
     try:
         header, source = made.write(folder)
     except OSError as error:
@@ -45,6 +43,45 @@ def export_controller(
     typer.echo(f"compile it: cc -std=c99 -O2 -shared -fPIC {source} -o {library} -lm")
     typer.echo(f"judge it:   taskspec run {file} --on lib:{library}")
     return 0
+
+
+def export_urscript(file: Path, path: Path, given: TaskOptions, forms: Sequence[str] = ()) -> int:
+    """Writes a task as a program of a Universal Robots arm, and says line by line what is lost.
+
+    Args:
+        file: the task file.
+        path: of the program.
+        given: what the task is changed by.
+        forms: formats of logs, of which a task has none.
+
+    Raises:
+        SpecError: the task is refused.
+        NotMappedError: it has no such program.
+        InputError: the file is no task, or the path cannot be written.
+    """
+    from taskspec_runner.urscript.exported import script_of
+
+    script = script_of(_program("--urscript", file, given, forms).plan)
+    try:
+        path.write_text(script.text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+    typer.echo(str(path))
+    for loss in script.all_losses:
+        typer.echo(f"{loss.source}:{loss.line}:{loss.column}: lost: {loss.text}")
+    typer.echo("never executed, neither on a robot nor in URSim: read it, and adapt WORLD")
+    return 0
+
+
+def _program(option: str, file: Path, given: TaskOptions, forms: Sequence[str]) -> Program:
+    """The compiled task of a file, for an option that takes one."""
+    if forms:
+        raise InputError(f"--{forms[0]} is of the log of a run, {option} of a task file; name one")
+    if file.is_dir():
+        raise InputError(f"{option} takes a task file, and {file} is a folder")
+    from taskspec_runner.cli.run import admitted
+
+    return admitted(file, given, force=False)
 
 
 def export_log(
@@ -57,7 +94,8 @@ def export_log(
     """Writes the log of a run in some formats and says where, and whether the run is partial."""
     if not forms:
         raise InputError(
-            "name a format to export to: --csv, --parquet, --mcap or --rerun; or --c for a task"
+            "name a format to export to: --csv, --parquet, --mcap or --rerun; or --c or --urscript "
+            "for a task"
         )
     if path is not None and len(forms) > 1:
         raise InputError(f"{path} can hold one format, not {len(forms)}; leave the path out")

@@ -5,36 +5,38 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from importlib.metadata import version
+from itertools import takewhile
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from taskspec.expression.tree import Name, walk
 from taskspec.geometry import rotation
-from taskspec.modes import move_speed
+from taskspec.modes import DEFAULT_RAMP, move_speed
 from taskspec.motion import blend
 from taskspec.motion.profile import RISE_TIME
 from taskspec.program.execution.transition import END
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.frames import FrameModel, normal_at
 from taskspec.robot.tool import make_tool
-from taskspec.spec import FILE
-from taskspec.text.units import show, si_unit
+from taskspec.spec import FILE, key_of
+from taskspec.text.units import si_unit
 from taskspec_runner.urscript import losses, refusals
 from taskspec_runner.urscript.losses import located
 from taskspec_runner.urscript.refusals import UNIVERSAL_ROBOTS, NotMappedError
 from taskspec_runner.urscript.script import (
-    Constants,
-    Lines,
+    NamedValues,
     Script,
-    Section,
+    ScriptLines,
+    ScriptSection,
     identifier,
     listed,
     number,
     pose,
 )
 from taskspec_runner.urscript.signals import Reader
-from taskspec_runner.urscript.stages import PartError, StageWriter
+from taskspec_runner.urscript.stages import Counted, PartError, StageWriter
 
 Vector = NDArray[np.float64]
 
@@ -70,7 +72,7 @@ class _Writer:
     def __init__(self, plan: TaskPlan) -> None:
         self._plan, self._context = plan, plan.context
         self._task = plan.context.loaded.task
-        self._constants = Constants()
+        self._constants = NamedValues()
         self._params: dict[str, str] = {}
         self._frames: dict[str, str] = {}
         self._surfaces: dict[str, str] = {}
@@ -80,6 +82,7 @@ class _Writer:
         self._general(name)
         self._cell()
         numbers = self._numbers()
+        self._counted = _counted(self._plan)
         stages = [self._stage(stage, numbers) for stage in self._plan.stages.values()]
         main = self._main(numbers)
         return Script(
@@ -98,15 +101,15 @@ class _Writer:
             f"{self._task.name}: {about}" if about else self._task.name,
             "",
             f"Made by taskspec {version('taskspec-robotics')} from {loaded.source.name}.",
-            "NEVER EXECUTED, neither on a robot nor in URSim. Read it; adapt WORLD, the tool and the",
-            "start to your cell; try it at reduced speed, without contact first.",
+            "NEVER EXECUTED, neither on a robot nor in URSim. Read it; adapt WORLD, the tool and",
+            "the start to your cell; try it at reduced speed, without contact first.",
             "",
             "For e-Series and later, PolyScope 5.11 or newer: a force sensor, and 500 Hz.",
             "Units are m, rad, s, kg, N and N m. Forces are those that the robot applies.",
-            "What the task has and this program lacks is marked by LOST, with its line in the file.",
+            "What the task has and this program lacks is marked by LOST, with its line there.",
         ]
 
-    # Constants
+    # NamedValues
 
     def _general(self, name: str) -> None:
         add = self._constants.add
@@ -115,6 +118,7 @@ class _Writer:
         add("PI", number(math.pi))
         add("NOWHERE", "0.000000001", "m or rad: a length that is none")
         add("RISE_TIME", number(RISE_TIME), "s, in which motions rise to their speed")
+        add("FORCE_RAMP", number(DEFAULT_RAMP), "s, in which forces rise from those measured")
         add("FADE_PEAK", number(float(blend.blend_time(1.0, 1.0))), "of the speed of a fade")
         add("FADE_SPEED", number(move_speed(rotation=False)), "m/s, of the way to a coordinate")
         add("FADE_TURN", number(move_speed(rotation=True)), "rad/s, of the turn to one")
@@ -176,16 +180,16 @@ class _Writer:
         for i, name in enumerate(self._plan.stages, 1):
             found[name] = self._constants.add(f"STAGE_{identifier(name).upper()}", str(i))
         for name, stage in self._plan.stages.items():
-            self._constants.add(f"visits_{identifier(name)}".lower(), "0")
+            self._constants.add(f"visits_{identifier(name)}".lower(), "0", "entries of the stage")
             if stage.spec.repeat > 1:
                 self._constants.add(f"repeats_{identifier(name)}".lower(), "0")
         self._constants.add("clock", "0.0", "s, since the task began")
-        self._constants.add("force_mode_on", "False")
+        self._constants.add("force_mode_on", "False", "whether the stage is one of force mode")
         return found
 
     # Stages
 
-    def _stage(self, stage: StagePlan, numbers: Mapping[str, str]) -> Section:
+    def _stage(self, stage: StagePlan, numbers: Mapping[str, str]) -> ScriptSection:
         names = list(self._plan.stages)
         after = names.index(stage.name) + 1
         following = names[after] if after < len(names) else END
@@ -196,7 +200,7 @@ class _Writer:
                     self._fixed(model)
         reader = Reader(stage, self._params, self._frames)
         prefix = identifier(stage.name).upper()
-        writer = StageWriter(stage, following, frame, reader, numbers, prefix)
+        writer = StageWriter(stage, following, frame, reader, numbers, prefix, self._counted)
         title = f"{stage.name} ({self._context.loaded.source.name}:{self._line(stage)})"
         return writer.section(title, self._quoted(stage), f"stage_{prefix.lower()}")
 
@@ -223,23 +227,21 @@ class _Writer:
         return self._frames[frame.name]
 
     def _line(self, stage: StagePlan) -> int:
-        from taskspec.spec import key_of
-
         return self._context.loaded.span(key_of(FILE.stages[stage.name])).line
 
     def _quoted(self, stage: StagePlan) -> list[str]:
         """The stage's lines in the file."""
         loaded = self._context.loaded
         span = loaded.span(FILE.stages[stage.name])
-        lines = loaded.source.text.splitlines()
         if span.source:
             return []
-        part = lines[self._line(stage) - 1 : span.end_line]
-        indent = min((len(line) - len(line.lstrip()) for line in part if line.strip()), default=0)
-        return [line[indent:].rstrip() for line in part if line.strip()]
+        head, *rest = loaded.source.text.splitlines()[self._line(stage) - 1 :]
+        indent = len(head) - len(head.lstrip())
+        inside = takewhile(lambda line: not line.strip() or line[: indent + 1].isspace(), rest)
+        return [line[indent:].rstrip() for line in (head, *inside) if line.strip()]
 
     def _main(self, numbers: Mapping[str, str]) -> list[str]:
-        out = Lines()
+        out = ScriptLines()
         out.note("The tool, the way to the start, and the zero of the sensor in free space")
         out.add("set_tcp(TCP)", "set_target_payload(MASS, COG, INERTIA)")
         if self._task.robot.model in UNIVERSAL_ROBOTS:
@@ -262,7 +264,25 @@ class _Writer:
         return out.lines
 
 
-def _pose(R: Vector, p: Vector) -> str:  # noqa: N803
+def _counted(plan: TaskPlan) -> Counted:
+    """What the program of a task counts."""
+    clock, visits = False, set[str]()
+    for name, stage in plan.stages.items():
+        spec = stage.spec
+        if spec.attempts is not None:
+            visits.add(name)
+        used = [spec.until, spec.fail_if, *(branch.when for branch in spec.next)]
+        used += [each for entry in spec.axes.values() for each, _ in entry.expressions()]
+        used.append(None if spec.path is None else spec.path.slowed)
+        for expression in used:
+            for node in walk(expression.tree) if expression is not None else ():
+                if isinstance(node, Name):
+                    clock |= node.path == ("clock",)
+                    visits |= {node.path[0]} if node.path[1:] == ("visits",) else set()
+    return Counted(clock, frozenset(visits))
+
+
+def _pose(R: Vector, p: Vector) -> str:
     """A pose with the rotation as a vector."""
     turn = np.asarray(pin.log3(np.asarray(R, dtype=float)), dtype=float)
     if abs(np.linalg.norm(turn) - math.pi) < _NEARLY:

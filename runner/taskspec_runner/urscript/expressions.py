@@ -91,21 +91,23 @@ class _Writer:
                 return self._called(node, function, [self.text(each, _OR) for each in args])
             case Compare(op, left, right):
                 return f"{self.text(left, _SUM)} {op} {self.text(right, _SUM)}", _COMPARED
-            case WithinNode(x, low, high):
-                value = self.text(x, _SUM)
-                bounds = f"{value} >= {self.text(low, _SUM)}", f"{value} <= {self.text(high, _SUM)}"
-                return " and ".join(bounds), _AND
             case Not(x):
                 return f"not {self.text(x, _ATOM)}", _NOT
             case Logic(op, items):
                 level = _LEVELS[op]
                 return f" {op} ".join(self.text(item, level + 1) for item in items), level
-            case Held() | Reduce():
-                if self._remember is None:
-                    raise UntranslatableError(node, "a reference that depends on the past")
-                return self._remember(node), _ATOM
+            case WithinNode(x, low, high):
+                both = (Compare(">=", x, low), Compare("<=", x, high))
+                return self._written(Logic("and", both))
             case _:
-                raise UntranslatableError(node, "URScript has nothing like it")
+                return self._kept(node)
+
+    def _kept(self, node: Node) -> tuple[str, int]:
+        if not isinstance(node, Held | Reduce):
+            raise UntranslatableError(node, "URScript has nothing like it")
+        if self._remember is None:
+            raise UntranslatableError(node, "a reference that depends on the past")
+        return self._remember(node), _COMPARED if isinstance(node, Held) else _ATOM
 
     def _called(self, node: Node, function: str, args: list[str]) -> tuple[str, int]:
         if function in _OF_TWO:

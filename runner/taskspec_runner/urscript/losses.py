@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from taskspec.expression import Expression
 from taskspec.expression.tree import Held, Name, walk
-from taskspec.modes import FollowsAxes, FreeAxis, Hold, Position
+from taskspec.modes import FollowsAxes, Move, OnPath, Position
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.spec import FILE, KeyPath, Law, LoadedTask, Sensor
-from taskspec.text.units import FREQUENCY, TIME, show
+from taskspec.text.units import FREQUENCY, show
 from taskspec_runner.urscript.refusals import UNIVERSAL_ROBOTS
 from taskspec_runner.urscript.script import Loss
 
@@ -49,13 +50,19 @@ def _of_task(plan: TaskPlan) -> Iterator[tuple[KeyPath, str]]:
     own = [key for key in _OF_SENSOR if getattr(robot.sensor, key) != getattr(Sensor(), key)]
     if own:
         keys = " and ".join(own)
-        yield FILE.robot.sensor, f"{keys} of the sensor: get_tcp_force is filtered by the controller"
+        yield (
+            FILE.robot.sensor,
+            f"{keys} of the sensor: get_tcp_force is filtered by the controller",
+        )
     if robot.protection is not None:
         text = "bounds of the protection: the robot's safety configuration has its own"
         yield FILE.robot.protection, text
     if task.control.rate != 1 / STEP:
         rates = show(task.control.rate, FREQUENCY), show(1 / STEP, FREQUENCY)
-        yield FILE.control.rate, f"the controller's rate of {rates[0]}: the program runs at {rates[1]}"
+        yield (
+            FILE.control.rate,
+            f"the controller's rate of {rates[0]}: the program runs at {rates[1]}",
+        )
     yield from _of_law(FILE.law, task.law)
     if task.limits.torque_rate is not None:
         yield FILE.limits.torque_rate, "the limit on the rate of joint torques"
@@ -76,7 +83,7 @@ def _of_law(place: KeyPath, law: Law) -> Iterator[tuple[KeyPath, str]]:
 
 
 def _of_stage(stage: StagePlan) -> Iterator[tuple[KeyPath, str]]:
-    place, spec, law = FILE.stages[stage.name], stage.spec, stage.law
+    place, spec = FILE.stages[stage.name], stage.spec
     if spec.law is not None and stage.joint_path is None:
         yield from _of_law(place.law, spec.law)
     for key, condition in (("until", spec.until), ("fail_if", spec.fail_if)):
@@ -87,31 +94,50 @@ def _of_stage(stage: StagePlan) -> Iterator[tuple[KeyPath, str]]:
         yield place.tare, text
     if stage.limits.deviation is not None and spec.limits is not None:
         yield place.limits, _DEVIATION
-    if stage.joint_path is not None:
-        return
-    kind, facts = law.kind, law.control_law
-    pressing = [a for a, p in stage.plans.items() if p.set_point and not isinstance(p.mode, FreeAxis)]
+    if stage.joint_path is None:
+        yield from _of_forces(stage)
+        yield from _of_motion(stage)
+
+
+def _of_forces(stage: StagePlan) -> Iterator[tuple[KeyPath, str]]:
+    """Gains, of forces and of springs."""
+    place, kind, facts = FILE.stages[stage.name], stage.law.kind, stage.law.control_law
+    pressing = [a for a, plan in stage.plans.items() if plan.axis.set_point]
     if pressing:
-        axes = ", ".join(pressing)
-        text = f"the force loop of the {kind} law on {axes}: gains, integral and damping are \
-force_mode's own"
-        yield place.axes[pressing[0]], text
+        axes, first = ", ".join(pressing), place.axes[pressing[0]]
+        yield first, f"the force loop of the {kind} law on {axes}: force_mode has gains of its own"
         if facts.shares:
-            yield place.axes[pressing[0]], f"the position that the {kind} law holds beside on {axes}"
+            yield first, f"the position that the {kind} law holds beside the force on {axes}"
     if not facts.force_loop:
         text = f"the springs of the {kind} law: the arm is stiff where force_mode does not yield"
         yield place, text
     for axis, plan in stage.plans.items():
         if plan.axis.is_soft:
             yield place.axes[axis], f"stiffness and damping of {axis}: the axis is stiff"
-        late = isinstance(plan.mode, Position) and axis not in stage.from_rest
-        if late or isinstance(plan.mode, FollowsAxes):
+
+
+_WAITED = "which the end of a move waits for"
+
+
+def _of_motion(stage: StagePlan) -> Iterator[tuple[KeyPath, str]]:
+    """MotionLines, and what they go over."""
+    place, frame = FILE.stages[stage.name], stage.frame
+    for axis, plan in stage.plans.items():
+        if isinstance(plan.mode, Position) and axis not in stage.from_rest:
             yield place.axes[axis], f"the phase of {axis}: it starts from rest, 0.1 s late"
-    moving = [a for a, p in stage.plans.items() if p.mode.moves and not isinstance(p.mode, Hold)]
-    if set(moving) - set(pressing) and stage.frame.kind == "following":
-        owner = stage.frame.surface_name
-        if stage.frame.surface is not None and not stage.frame.surface.level:
-            yield place, f"the edges of {owner!r}: nobody notices that the tool leaves its face"
+    tracked = [
+        axis
+        for axis, plan in stage.plans.items()
+        if isinstance(plan.mode, Move | Position | OnPath | FollowsAxes) and not plan.set_point
+    ]
+    if not tracked:
+        return
+    first = place.axes[tracked[0]] if tracked[0] in stage.spec.axes else place.path
+    text = f"{', '.join(tracked)}: servoj follows late, by about SERVO_LOOKAHEAD, {_WAITED}"
+    yield first, text
+    if frame.surface is not None and not frame.surface.level:
+        text = f"the edges of {frame.surface_name!r}: nobody notices that the tool leaves its face"
+        yield place, text
 
 
 def _of_condition(place: KeyPath, condition: Expression) -> Iterator[tuple[KeyPath, str]]:
@@ -120,8 +146,8 @@ def _of_condition(place: KeyPath, condition: Expression) -> Iterator[tuple[KeyPa
             yield place, "contact is a force of 0.5 N, less than a sensor's drift: raise TOUCHING"
         if not isinstance(node, Held):
             continue
-        steps = node.amount.value_si / STEP
-        if steps < 2 or abs(steps - round(steps)) > _ROUNDING:
-            wanted = show(node.amount.value_si, TIME)
-            text = f"{wanted} is not a whole number of at least two periods of {show(STEP, TIME)}"
-            yield place, text
+        wanted = node.amount.value_si
+        counted = STEP * math.ceil(wanted / STEP - _ROUNDING)
+        if counted - wanted > _ROUNDING:
+            text = f"{1e3 * wanted:g} ms are counted in periods of {1e3 * STEP:g} ms"
+            yield place, f"{text}: {1e3 * counted:g} ms"

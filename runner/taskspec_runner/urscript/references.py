@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import field
+from typing import Protocol
 
 import numpy as np
 
@@ -11,25 +11,28 @@ from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression
 from taskspec.expression.tree import Number
 from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
-from taskspec.modes import FollowsAxes, Move, OnPath, Position, Velocity, move_speed
-from taskspec.motion import blend
+from taskspec.modes import FollowsAxes, Move, OnPath, Position, Velocity
 from taskspec.motion.path import PathShape
-from taskspec.motion.paths import Line, To
+from taskspec.motion.paths import Line, TableFile, To
 from taskspec.motion.profile import RISE_TIME, move
 from taskspec.program.plan import StagePlan
 from taskspec.spec import FILE
 from taskspec_runner.urscript.losses import located
-from taskspec_runner.urscript.script import Constants, Loss, listed, number
+from taskspec_runner.urscript.script import Loss, NamedValues, listed, number
 
 #: Distances of waypoints that are tried, the longest first [s], and how far a straight line between
 #: two may be off the curve [m, rad].
 _WAYPOINT_STEPS, _OFF_CURVE = (0.05, 0.02, 0.01, 0.004, 0.002), 5e-5
-#: Writes an expression of the file.
-Write = Callable[[Expression], str]
+
+
+class Write(Protocol):
+    """Writes an expression of the file; some of its names may mean something else."""
+
+    def __call__(self, expression: Expression, **names: str) -> str: ...  # noqa: D102
 
 
 @dataclass(slots=True)
-class References:
+class MotionLines:
     """The motion of a stage.
 
     Attributes:
@@ -37,7 +40,7 @@ class References:
         each: lines in each period.
         after: lines at the end of each period, which integrate.
         value: of each axis: its coordinate, or its rate in a stage that goes by rates.
-        ends: how long its motion lasts, each a number or a variable [s].
+        ends: how long each of its moves lasts [s].
         path_lasts: duration of the path in the path's own time; empty without a path.
         path_time: variable of that time.
         losses: of its path.
@@ -47,7 +50,7 @@ class References:
     each: list[str] = field(default_factory=list)
     after: list[str] = field(default_factory=list)
     value: dict[Axis, str] = field(default_factory=dict)
-    ends: list[float | str] = field(default_factory=list)
+    ends: list[float] = field(default_factory=list)
     path_lasts: str = ""
     path_time: str = "t"
     losses: list[Loss] = field(default_factory=list)
@@ -70,10 +73,10 @@ def _moves(stage: StagePlan, axis: Axis) -> bool:
     return moving and not plan.set_point
 
 
-class Motion:
+class MotionWriter:
     """Writes the references of a stage."""
 
-    def __init__(self, stage: StagePlan, constants: Constants, prefix: str) -> None:
+    def __init__(self, stage: StagePlan, constants: NamedValues, prefix: str) -> None:
         """Of a stage.
 
         Args:
@@ -82,10 +85,11 @@ class Motion:
             prefix: of their names.
         """
         self._stage, self._constants, self._prefix = stage, constants, prefix
-        self._out = References()
+        self._out = MotionLines()
         self._fades: dict[Axis, str] = {}
+        self._on_path: dict[Axis, str] = {}
 
-    def rates(self, write: Write) -> References:
+    def rates(self, write: Write) -> MotionLines:
         """Its rates along and about all axes, of a stage that goes by them."""
         for axis in AXES:
             self._out.value[axis] = "0.0"
@@ -93,14 +97,14 @@ class Motion:
                 self._out.value[axis] = self._rate(axis, write)
         return self._out
 
-    def coordinates(self, write: Write) -> References:
+    def coordinates(self, write: Write) -> MotionLines:
         """Its coordinates, leaders first; those of axes that do not move are where it starts."""
         stage, out = self._stage, self._out
         for axis in AXES:
             out.value[axis] = "0.0" if axis.is_rotation else f"place[{axis.row}]"
         if stage.path is not None:
             self._path(stage.path, write)
-        self._fade()
+        self._fade(write)
         for axis in stage.leaders_first:
             if not _moves(stage, axis):
                 continue
@@ -117,7 +121,7 @@ class Motion:
             elif isinstance(mode, FollowsAxes):
                 text = write(mode.follows)
             else:
-                text = f"path_{axis}"
+                text = self._on_path[axis]
             fade = self._fades.get(axis)
             text += f" + {axis}_offset * (1.0 - smooth(t / {fade}))" if fade else ""
             out.each.append(f"local {axis} = {text.removeprefix('0.0 + ')}")
@@ -147,67 +151,74 @@ class Motion:
         self._out.ends.append(float(move(0.0, 0.0, abs(mode.move), mode.top).rests))
         return f"travel(t, {far}, {fast}, RISE_TIME)"
 
-    def _fade(self) -> None:
+    def _fade(self, write: Write) -> None:
         """How axes with coordinates of their own come to these from where the stage starts."""
-        stage, out = self._stage, self._out
+        stage, out, waits = self._stage, self._out, list[str]()
         for axis, plan in stage.plans.items():
-            if not _moves(stage, axis) or not isinstance(plan.mode, Position | OnPath | FollowsAxes):
+            if not _moves(stage, axis):
                 continue
+            first, value = self._first(axis, write)
             starts_at_zero = axis.is_rotation or stage.frame.kind == "following"
-            first = self._first(axis)
-            if first is None or (starts_at_zero and axis != Axis.Z and abs(first) < _OFF_CURVE):
-                continue
-            speed = move_speed(rotation=axis.is_rotation)
-            name = "FADE_TURN" if axis.is_rotation else "FADE_SPEED"
-            out.before += [
-                f"local {axis}_offset = {out.value[axis]} - {number(first)}".replace("- -", "+ "),
-                f"local {axis}_fade = fade_time({axis}_offset, {name})",
-            ]
-            assert speed > 0
-            self._fades[axis] = f"{axis}_fade"
-        timed = [a for a, p in stage.plans.items() if isinstance(p.mode, Position)]
-        if any(_moves(stage, axis) for axis in timed):
-            waits = [fade for axis, fade in self._fades.items() if axis in timed]
-            wait = ""
-            for each in waits:
-                wait = f"larger({wait}, {each})" if wait else each
+            near = starts_at_zero and axis != Axis.Z and value is not None
+            if first and not (near and abs(value or 0.0) < _OFF_CURVE):
+                speed = "FADE_TURN" if axis.is_rotation else "FADE_SPEED"
+                start = "0.0" if axis.is_rotation else f"place[{axis.row}]"
+                offset = start if first == "0.0" else f"{start} - {first}"
+                out.before += [
+                    f"local {axis}_offset = {offset}",
+                    f"local {axis}_fade = fade_time({axis}_offset, {speed})",
+                ]
+                self._fades[axis] = f"{axis}_fade"
+                waits += [f"{axis}_fade"] if isinstance(plan.mode, Position) else []
+        if any(isinstance(p.mode, Position) and _moves(stage, a) for a, p in stage.plans.items()):
+            wait = waits[0] if waits else ""
+            for each in waits[1:]:
+                wait = f"larger({wait}, {each})"
             out.each.append(f"local own_time = from_rest(t{f' - {wait}' if wait else ''})")
 
-    def _first(self, axis: Axis) -> float | None:
-        """The coordinate at which an axis's own reference starts; None where it is the start's."""
+    def _first(self, axis: Axis, write: Write) -> tuple[str, float | None]:
+        """The coordinate at which an axis's own reference starts, and its value if that is known.
+
+        Empty for one that starts where the stage does.
+        """
         stage, mode = self._stage, self._stage.plans[axis].mode
         if isinstance(mode, Position):
-            found = stage.known(mode.position, {"t": 0.0, "clock": 0.0})
-            return 0.0 if found is None else found
+            known = stage.known(mode.position, {"t": 0.0, "clock": 0.0})
+            if known is not None:
+                return number(known), known
+            return f"({write(mode.position, own_time='0.0', t='0.0')})", None
         if isinstance(mode, FollowsAxes):
-            found = stage.known(mode.follows, dict.fromkeys(map(str, AXES), 0.0))
-            return 0.0 if found is None else found
-        path = stage.ready_path
-        assert path is not None
-        if path.form.relative or isinstance(path.form, To):
-            return None
-        return float(path.form.place(0.0, {}, axis))
+            start = {a: "0.0" if a.is_rotation else f"place[{a.row}]" for a in mode.leaders}
+            return f"({write(mode.follows, **start)})", None
+        if isinstance(mode, OnPath) and isinstance(mode.path.form, TableFile):
+            first = mode.path.form.place(0.0, {}, axis)
+            return number(first), first
+        return "", None
 
     # Paths
 
     def _path(self, path: PathShape, write: Write) -> None:
         out = self._out
+        fastest = ""
+        if path.speed is not None:
+            fastest = self._constants.add(f"{self._prefix}_SPEED", number(path.speed), "m/s")
         if path.slowed is not None:
-            assert path.speed is not None
-            fastest = self._constants.add(f"{self._prefix}_FASTEST", number(path.speed), "m/s")
             out.path_time = "path_t"
             out.before.append("local path_t = 0.0")
-            share = f"clamp(({write(path.slowed)}) / {fastest}, 0.0, 1.0)"
+            share = f"clamp({write(path.slowed)} / {fastest}, 0.0, 1.0)"
             out.after.append(f"path_t = path_t + {share} * STEP")
         if isinstance(path.form, Line | To):
-            self._straight(path)
+            self._straight(path, fastest)
         else:
             self._waypoints(path)
 
-    def _straight(self, path: PathShape) -> None:
+    def _straight(self, path: PathShape, speed: str) -> None:
         out, form = self._out, path.form
+        assert isinstance(form, Line | To)
         targets = dict(zip(AXES, form.to if isinstance(form, To) else form.by, strict=False))
-        driven = [a for a in path.axes]
+        driven = [a for a in path.axes if isinstance(form, To) or form.moves(a)]
+        for axis in path.axes:
+            self._on_path[axis] = out.value[axis]
         for axis in driven:
             unit = "rad" if axis.is_rotation else "m"
             what = "TO" if isinstance(form, To) else "BY"
@@ -218,7 +229,7 @@ class Motion:
         lines = [a for a in driven if a in TRANSLATIONS and form.moves(a)] or driven
         along = [f"{axis}_way" for axis in lines] + ["0.0"] * (3 - len(lines))
         out.before.append(f"local path_length = length_of({', '.join(along[:3])})")
-        rise, speed = "RISE_TIME", ""
+        rise = "RISE_TIME"
         if path.time is not None:
             rise = self._constants.add(
                 f"{self._prefix}_RISE", number(min(RISE_TIME, path.time / 2)), "s"
@@ -228,9 +239,6 @@ class Motion:
             out.before.append(
                 f"local path_speed = larger(path_length, NOWHERE) / ({lasts} - {rise})"
             )
-        else:
-            assert path.speed is not None
-            speed = self._constants.add(f"{self._prefix}_SPEED", number(path.speed), "m/s")
         out.before.append(f"local path_lasts = travel_time(path_length, {speed}, {rise})")
         out.path_lasts = "path_lasts"
         out.each.append(
@@ -239,7 +247,7 @@ class Motion:
         )
         for axis in driven:
             text = f"{out.value[axis]} + path_share * {axis}_way".removeprefix("0.0 + ")
-            out.each.append(f"local path_{axis} = {text}")
+            self._on_path[axis] = text
 
     def _waypoints(self, path: PathShape) -> None:
         out, stage = self._out, self._stage
@@ -267,14 +275,16 @@ class Motion:
         out.path_lasts = self._constants.add(f"{self._prefix}_PATH_TIME", number(lasts), "s")
         for i, axis in enumerate(path.axes):
             table = self._constants.add(
-                f"{self._prefix}_{axis.upper()}", listed(np.round(rows[:, i], 6))
+                f"{self._prefix}_{axis.upper()}",
+                listed(np.round(rows[:, i], 6)),
+                "rad" if axis.is_rotation else "m",
             )
             base = out.value[axis] if ready.form.relative else "0.0"
             text = f"{base} + waypoint({table}, {many}, {every}, {out.path_time})"
-            out.each.append(f"local path_{axis} = {text.removeprefix('0.0 + ')}")
+            self._on_path[axis] = text.removeprefix("0.0 + ")
         text = (
-            f"the curve of the {path.form.name}: {count} waypoints, {1e3 * step:g} ms apart, are off "
-            f"it by up to {1e6 * off:.0f} um"
+            f"the curve of the {path.form.name}: {count} waypoints, {1e3 * step:g} ms apart, are "
+            f"off it by up to {1e6 * off:.0f} um"
         )
         place = FILE.stages[stage.name].path
         out.losses.append(located(stage.context.loaded, place, text))

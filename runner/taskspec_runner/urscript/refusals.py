@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.deferred_methods import dataclass
-from taskspec.geometry.axis import AXES, PAIRS, TRANSLATIONS
-from taskspec.modes.free import FreeAxis
-from taskspec.modes.hold import KEPT, Hold
-from taskspec.modes.follows_axes import FollowsAxes
-from taskspec.modes.move import Move
-from taskspec.modes.on_path import OnPath
-from taskspec.modes.open_loop import OpenLoop
-from taskspec.modes.position import Position
-from taskspec.modes.velocity import Velocity
+from taskspec.geometry.axis import AXES, PAIRS, TRANSLATIONS, Axis
+from taskspec.modes import (
+    FollowsAxes,
+    FreeAxis,
+    Hold,
+    Move,
+    OnPath,
+    OpenLoop,
+    Position,
+    Velocity,
+)
+from taskspec.modes.hold import KEPT
 from taskspec.motion.joint_path import JointPath
-from taskspec.motion.paths import Line, To
+from taskspec.motion.paths import Waypoints
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.frames import FrameModel
 from taskspec.spec import FILE, KeyPath
@@ -66,9 +69,9 @@ def _of_robot(plan: TaskPlan) -> Iterator[Reason]:
         yield Reason(FILE.robot.model, "the arm is planar: its tool has less than six axes")
     if robot.grasp is not None:
         if context.held:
-            text = f"the robot holds the mechanism {context.held!r}: no path in space is given for it"
+            text = f"the robot holds the mechanism {context.held!r}, and goes by its coordinate"
         else:
-            text = f"the robot starts with {robot.grasp!r} in its gripper, which URScript does not know"
+            text = f"the robot starts with {robot.grasp!r} in its gripper: a program grips it first"
         yield Reason(FILE.robot.grasp, text)
 
 
@@ -100,11 +103,13 @@ def _of_stage(plan: TaskPlan, stage: StagePlan) -> Iterator[Reason]:
         return
     if (text := _of_frame(plan, frame)) is not None:
         own = stage.spec.frame is not None
-        declared = FILE.frames[frame.name] if frame.name in plan.context.loaded.task.frames else None
+        declared = (
+            FILE.frames[frame.name] if frame.name in plan.context.loaded.task.frames else None
+        )
         used = place.frame if own else FILE.frame
         yield Reason(used if declared is None else declared, text)
         return
-    if not {*stage.plans} == {*AXES}:
+    if {*stage.plans} != {*AXES}:
         return  # The arm is planar, which is said.
     for axis, entry in stage.plans.items():
         if not isinstance(entry.mode, _MODES):
@@ -115,12 +120,9 @@ def _of_stage(plan: TaskPlan, stage: StagePlan) -> Iterator[Reason]:
             text = "the force of the stage before is kept, and the file does not determine it"
             yield Reason(place.axes[axis], text)
     yield from _of_springs(stage)
-    path = stage.path
-    if path is not None and not isinstance(path.form, Line | To) and not path.form.relative:
-        if path.form.needs(path.axes):
-            text = f"the path leads over points of the frame from wherever the stage begins; \
-start it with a stage that goes to its first point, and use a 'file'"
-            yield Reason(place.path, text)
+    if stage.path is not None and isinstance(stage.path.form, Waypoints):
+        text = "the path leads to points of the frame from wherever the stage begins: make it 'to'"
+        yield Reason(place.path, text)
 
 
 def _of_frame(plan: TaskPlan, frame: FrameModel) -> str | None:
@@ -147,14 +149,23 @@ def _of_springs(stage: StagePlan) -> Iterator[Reason]:
     if stage.law.control_law.force_loop or stage.spec.until is not None:
         return
     for axis, entry in stage.plans.items():
-        goes = entry.mode.moves and not isinstance(entry.mode, Hold) and not entry.set_point
-        if axis in TRANSLATIONS and goes and entry.yields:
+        if axis in TRANSLATIONS and entry.yields and _leads_into(stage, axis):
             into = stage.contacts.of(axis)
             text = (
-                f"the spring of the {stage.law.kind} law presses on {into!r}: an arm under position "
-                "control would be driven into it; give the axis a 'force'"
+                f"the spring of the {stage.law.kind} law presses on {into!r}: a stiff arm would be "
+                "driven into it; give the axis a 'force'"
             )
             yield Reason(FILE.stages[stage.name].axes[axis], text)
+
+
+def _leads_into(stage: StagePlan, axis: Axis) -> bool:
+    """Whether a motion along the normal of an object goes towards it, as far as the file tells."""
+    entry = stage.plans[axis]
+    if entry.set_point or isinstance(entry.mode, Hold):
+        return False
+    rate = entry.mode.settled_rate(stage.known) if isinstance(entry.mode, Velocity) else None
+    towards = entry.mode.move if isinstance(entry.mode, Move) else rate
+    return towards is None or towards * stage.contacts.facing(axis) < 0
 
 
 def _of_joint_path(plan: TaskPlan, stage: StagePlan) -> Iterator[Reason]:

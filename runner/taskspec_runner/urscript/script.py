@@ -37,7 +37,7 @@ class Loss:
 
 
 @dataclass(frozen=True, slots=True)
-class Constant:
+class NamedValue:
     """A named value of the program, with its unit and meaning."""
 
     name: str
@@ -45,12 +45,12 @@ class Constant:
     about: str = ""
 
 
-class Constants:
+class NamedValues:
     """The named values of a program, each name once."""
 
     def __init__(self) -> None:
         """Without any."""
-        self.all: list[Constant] = []
+        self.all: list[NamedValue] = []
 
     def add(self, name: str, value: str, about: str = "") -> str:
         """Enters a value; the name under which the program has it."""
@@ -58,12 +58,12 @@ class Constants:
         while any(each.name == free for each in self.all):
             number += 1
             free = f"{name}_{number}"
-        self.all.append(Constant(free, value, about))
+        self.all.append(NamedValue(free, value, about))
         return free
 
 
-class Lines:
-    """Lines of a program with blocks that are closed by `end`."""
+class ScriptLines:
+    """ScriptLines of a program with blocks that are closed by `end`."""
 
     def __init__(self) -> None:
         """Without any."""
@@ -71,7 +71,7 @@ class Lines:
         self._depth = 0
 
     def add(self, *lines: str) -> None:
-        """Lines at the depth of the open blocks."""
+        """ScriptLines at the depth of the open blocks."""
         self.lines += ["  " * self._depth + line if line else "" for line in lines]
 
     def note(self, text: str) -> None:
@@ -89,7 +89,7 @@ class Lines:
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class ScriptSection:
     """A part of the program with its constants above its function.
 
     Attributes:
@@ -103,7 +103,7 @@ class Section:
     title: str
     quoted: Sequence[str]
     losses: Sequence[Loss]
-    constants: Sequence[Constant]
+    constants: Sequence[NamedValue]
     function: Sequence[str]
 
 
@@ -123,8 +123,8 @@ class Script:
     name: str
     header: Sequence[str]
     losses: Sequence[Loss]
-    constants: Sequence[Constant]
-    stages: Sequence[Section]
+    constants: Sequence[NamedValue]
+    stages: Sequence[ScriptSection]
     main: Sequence[str] = field(default_factory=tuple)
 
     @property
@@ -135,17 +135,32 @@ class Script:
     @property
     def text(self) -> str:
         """The program as a file."""
-        out = Lines()
+        return self._written(whole=True)
+
+    @property
+    def own_text(self) -> str:
+        """The program with the names of the library's functions in the place of these."""
+        return self._written(whole=False)
+
+    def _written(self, *, whole: bool) -> str:
+        out = ScriptLines()
         out.add(*(f"# {line}".rstrip() for line in self.header))
+        own = "\n".join([*self.main, *(line for s in self.stages for line in s.function)])
+        functions = library(own)
+        values = [each.value for stage in self.stages for each in stage.constants]
+        lines = [line for _, code in functions.values() for line in code]
+        called = "\n".join([own, *values, *lines])
         with out.block(f"def {self.name}():"):
             _losses(out, self.losses)
-            _constants(out, self.constants)
+            _constants(out, _used(self.constants, called))
             out.add("")
-            used = "\n".join([*self.main, *(line for s in self.stages for line in s.function)])
-            for about, lines in library(used):
-                out.add(*about, *lines, "")
+            if whole:
+                for about, code in functions.values():
+                    out.add(*about, *code, "")
+            else:
+                out.add(f"# Here stand {', '.join(functions)}.", "")
             for stage in self.stages:
-                out.add(f"# Stage {stage.title}", "#", *(f"#   {line}" for line in stage.quoted))
+                out.add(f"# Stage {stage.title}", *(f"#   {line}" for line in stage.quoted))
                 _losses(out, stage.losses)
                 _constants(out, stage.constants)
                 out.add(*stage.function, "")
@@ -153,12 +168,22 @@ class Script:
         return "\n".join(out.lines) + "\n"
 
 
-def _losses(out: Lines, losses: Iterable[Loss]) -> None:
+def _used(constants: Sequence[NamedValue], text: str) -> list[NamedValue]:
+    """The constants that a text uses, and those that these are made of, in their order."""
+    words, found = set(_WORD.findall(text)), list[NamedValue]()
+    for each in reversed(constants):
+        if each.name in words:
+            words |= set(_WORD.findall(each.value))
+            found.append(each)
+    return found[::-1]
+
+
+def _losses(out: ScriptLines, losses: Iterable[Loss]) -> None:
     for loss in losses:
         out.note(f"LOST ({Path(loss.source).name}:{loss.line}): {loss.text}")
 
 
-def _constants(out: Lines, constants: Iterable[Constant]) -> None:
+def _constants(out: ScriptLines, constants: Iterable[NamedValue]) -> None:
     for each in constants:
         comment = f"  # {each.about}" if each.about else ""
         out.add(f"global {each.name} = {each.value}{comment}")
@@ -176,13 +201,13 @@ def _functions() -> dict[str, tuple[list[str], list[str]]]:
     return found
 
 
-def library(text: str) -> list[tuple[list[str], list[str]]]:
+def library(text: str) -> dict[str, tuple[list[str], list[str]]]:
     """Comments and lines of the library's functions that a text calls, and of those they call."""
     every, needed, waiting = _functions(), set[str](), set(_WORD.findall(text))
     while calls := (waiting & every.keys()) - needed:
         needed |= calls
         waiting = {word for name in calls for word in _WORD.findall("\n".join(every[name][1]))}
-    return [parts for name, parts in every.items() if name in needed]
+    return {name: parts for name, parts in every.items() if name in needed}
 
 
 def number(value: float) -> str:

@@ -7,11 +7,18 @@ from dataclasses import field
 from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression
 from taskspec.expression.tree import Held, Name, Reduce
-from taskspec.geometry.axis import AXES, Axis, as_axis
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.plan import StagePlan
 from taskspec_runner.urscript.expressions import UntranslatableError, translated
 from taskspec_runner.urscript.script import identifier, number
 
+#: Signals that are one word in a program too.
+_ALWAYS = {
+    **{"pi": "PI", "t": "t", "clock": "clock", "path_done": "path_done"},
+    **{"speed": "tool_speed()", "travel": "distance_from(began)"},
+}
+#: Signals of six axes, by the variables that have them.
+_SIX = {"force": "applied", "torque": "applied", "velocity": "speed"}
 _EXTREMES = {"max": ">", "min": "<"}
 
 
@@ -42,7 +49,11 @@ class Reader:
 
     def condition(self, expression: Expression) -> str:
         """A guard; what it remembers is updated in each period."""
-        return translated(expression.tree, self._signal, self._remembered)
+
+        def remember(node: Held | Reduce) -> str:
+            return self._remembered(node, expression.text)
+
+        return translated(expression.tree, self._signal, remember)
 
     def reference(self, expression: Expression, **names: str) -> str:
         """A reference; what it is of may have other names, such as a time of its own for t."""
@@ -59,25 +70,32 @@ class Reader:
         self.now[name] = f"{functions[kind]}({frame})"
         return name
 
-    def _remembered(self, node: Held | Reduce) -> str:
-        count = sum(line.startswith("local seen_") for line in self.before) + 1
-        name = f"seen_{count}"
+    def _remembered(self, node: Held | Reduce, text: str) -> str:
+        """A variable with the time for which a condition has held, or with an extreme."""
+
+        def inside(inner: Held | Reduce) -> str:
+            return self._remembered(inner, text)
+
+        count = len(self.before) + 1
         if isinstance(node, Held):
-            holds = translated(node.x, self._signal, self._remembered)
+            holds = translated(node.x, self._signal, inside)
+            name = f"held_{count}"
             self.before.append(f"local {name} = 0.0")
             self.update += [
+                f"# {name}: for how long {text[node.x.start : node.x.end]}",
                 f"if {holds}:",
                 f"  {name} = {name} + STEP",
                 "else:",
                 f"  {name} = 0.0",
                 "end",
             ]
-            return f"({name} >= {number(node.amount.value_si)} - STEP / 2.0)"
+            return f"{name} > {number(node.amount.value_si)} - NOWHERE"
         if node.reducer not in _EXTREMES:
             raise UntranslatableError(node, f"'{node.reducer}' over a stage is not kept")
-        value = translated(node.arg, self._signal, self._remembered)
+        value, name = translated(node.arg, self._signal, inside), f"{node.reducer}_{count}"
         self.before.append(f"local {name} = 0.0")
         self.update += [
+            f"# {name}: {text[node.start : node.end]}, of the stage so far",
             f"if t < STEP / 2.0 or {value} {_EXTREMES[node.reducer]} {name}:",
             f"  {name} = {value}",
             "end",
@@ -90,35 +108,20 @@ class Reader:
             if name.frame not in self.frames:
                 raise UntranslatableError(name, f"frame {name.frame!r} is no fixed frame")
             frame = self.frames[name.frame]
-        match path:
-            case ("pi",):
-                return "PI"
-            case ("t",):
-                return "t"
-            case ("clock",):
-                return "clock"
-            case (param,) if param in self.params:
-                return self.params[param]
-            case ("force" | "torque", axis) if axis in AXES:
-                return f"{self.measured('applied', frame)}[{Axis(axis).row}]"
-            case ("velocity", axis) if axis in AXES:
-                return f"{self.measured('speed', frame)}[{Axis(axis).row}]"
-            case ("position", axis) if axis in AXES:
-                return self._position(name, Axis(axis), frame)
-            case ("speed",):
-                self.now["tool_speed_now"] = "tool_speed()"
-                return "tool_speed_now"
-            case ("travel",):
-                return "distance_from(began)"
-            case ("touching",):
-                force = self.measured("applied")
-                return f"length_of({force}[0], {force}[1], {force}[2]) > TOUCHING"
-            case ("path_done",):
-                return "path_done"
-            case (stage, "visits"):
-                return f"visits_{identifier(stage)}"
-            case _:
-                raise UntranslatableError(name, f"the program does not measure '{name}'")
+        text = str(name)
+        if text in _ALWAYS or text in self.params:
+            return self.params.get(text) or _ALWAYS[text]
+        kind, _, axis = ".".join(path).partition(".")
+        if axis in AXES and kind in _SIX:
+            return f"{self.measured(_SIX[kind], frame)}[{Axis(axis).row}]"
+        if axis in AXES and kind == "position":
+            return self._position(name, Axis(axis), frame)
+        if axis == "visits":
+            return f"visits_{identifier(kind).lower()}"
+        if text == "touching":
+            force = self.measured("applied")
+            return f"(length_of({force}[0], {force}[1], {force}[2]) > TOUCHING)"
+        raise UntranslatableError(name, f"the program does not measure '{name}'")
 
     def _position(self, name: Name, axis: Axis, frame: str) -> str:
         where = self.measured("where", frame)
@@ -128,8 +131,3 @@ class Reader:
             raise UntranslatableError(name, "turns count from the stage's start in its own frame")
         self.now["turned"] = f"turned_since(place, {where})"
         return f"turned[{axis.row}]"
-
-
-def leader(name: Name) -> Axis | None:
-    """The axis whose coordinate a name in `follows` means."""
-    return as_axis(str(name))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression
 from taskspec.geometry.axis import AXES, Axis
-from taskspec.modes import DEFAULT_RAMP, FreeAxis
+from taskspec.modes import FreeAxis, Hold
 from taskspec.motion.joint_path import JointPath
 from taskspec.program.execution.transition import FAIL
 from taskspec.program.plan import StagePlan
@@ -14,8 +15,15 @@ from taskspec.spec import FILE, KeyPath, Limits
 from taskspec.text.units import LENGTH, TIME, show
 from taskspec_runner.urscript import losses
 from taskspec_runner.urscript.expressions import UntranslatableError
-from taskspec_runner.urscript.references import Motion, References, by_rates, stands
-from taskspec_runner.urscript.script import Constants, Lines, Loss, Section, listed, number
+from taskspec_runner.urscript.references import MotionLines, MotionWriter, by_rates, stands
+from taskspec_runner.urscript.script import (
+    Loss,
+    NamedValues,
+    ScriptLines,
+    ScriptSection,
+    listed,
+    number,
+)
 from taskspec_runner.urscript.signals import Reader
 
 #: A force that a compliant axis is given has it move at no less than this in free space [m/s].
@@ -35,6 +43,19 @@ class PartError(Exception):
         self.place, self.error, self.expression = place, error, expression
 
 
+@dataclass(frozen=True, slots=True)
+class Counted:
+    """What a program counts because something in the task asks for it.
+
+    Attributes:
+        clock: the time since the task began.
+        visits: stages whose entries are counted.
+    """
+
+    clock: bool
+    visits: frozenset[str]
+
+
 class StageWriter:
     """Writes the function of a stage."""
 
@@ -46,6 +67,7 @@ class StageWriter:
         reader: Reader,
         numbers: Mapping[str, str],
         prefix: str,
+        counted: Counted,
     ) -> None:
         """Of a stage.
 
@@ -56,10 +78,12 @@ class StageWriter:
             reader: of its signals.
             numbers: names of the stages' numbers in the program, `end` among them.
             prefix: of the stage's names.
+            counted: what the program counts.
         """
+        self._counted = counted
         self._stage, self._following, self._frame = stage, following, frame
         self._reader, self._numbers, self._prefix = reader, numbers, prefix
-        self._constants = Constants()
+        self._constants = NamedValues()
         self._place = FILE.stages[stage.name]
         self._losses: list[Loss] = losses.of_stage(stage)
         pressed = {
@@ -69,7 +93,7 @@ class StageWriter:
         }
         self._pressed = pressed
 
-    def section(self, title: str, quoted: Iterable[str], function: str) -> Section:
+    def section(self, title: str, quoted: Iterable[str], function: str) -> ScriptSection:
         """The stage as a part of the program.
 
         Raises:
@@ -79,7 +103,7 @@ class StageWriter:
             lines = self._joints(function)
         else:
             lines = self._cartesian(function)
-        return Section(title, tuple(quoted), self._losses, self._constants.all, lines)
+        return ScriptSection(title, tuple(quoted), self._losses, self._constants.all, lines)
 
     # The tool
 
@@ -89,18 +113,16 @@ class StageWriter:
         forces = self._forces()
         ending = self._ending(motion)
         self._losses += motion.losses
-        out = Lines()
+        out = ScriptLines()
         with out.block(f"def {function}():"):
             out.add(f'textmsg(PROGRAM, "stage {stage.name}")')
             self._count(out)
             if self._pressed:
                 out.add("start_force_mode()")
-            elif by_rates(stage):
-                out.add("leave_force_mode()")
             else:
-                out.add("leave_force_mode()", "stopl(TOOL_ACCELERATION)")
+                out.add("start_motion()" if by_rates(stage) else "rest()")
             out.add(f"local frame = {self._frame}")
-            if self._uses_place(motion) or "turned" in reader.now:
+            if self._uses_place() or "turned" in reader.now:
                 out.add("local place = tool_in(frame)")
             if self._uses_start():
                 out.add("local began = get_actual_tcp_pose()")
@@ -113,29 +135,39 @@ class StageWriter:
                 if any("path_done" in line for line in (*ending.lines, *reader.update)):
                     last = motion.path_lasts or "0.0"
                     out.add(f"local path_done = {motion.path_time} >= {last} - STEP / 2.0")
-                out.add(*reader.update, *ending.lines, *motion.each, *forces)
-                out.add(*self._command(motion), *motion.after)
-                out.add("t = t + STEP", "clock = clock + STEP")
+                out.add(*reader.update, *ending.lines)
+                out.note("What is commanded")
+                out.add(*motion.each, *forces, *self._command(motion), *motion.after)
+                out.add(*self._clocks())
         return out.lines
 
-    def _motion(self) -> References:
-        motion = Motion(self._stage, self._constants, self._prefix)
-        leaders = {str(axis): str(axis) for axis in AXES}
+    def _clocks(self) -> list[str]:
+        """ScriptLines that count time on."""
+        lines = ["t = t + STEP"]
+        return [*lines, "clock = clock + STEP"] if self._counted.clock else lines
 
-        def written(expression: Expression) -> str:
+    def _motion(self) -> MotionLines:
+        motion = MotionWriter(self._stage, self._constants, self._prefix)
+
+        def written(expression: Expression, **given: str) -> str:
             names = {"t": "own_time"} if self._is_position(expression) else {}
-            follows = {a: n for a, n in leaders.items() if expression.uses(a)}
-            for axis in follows:
-                if self._stage.plans[Axis(axis)].set_point or not self._leads(Axis(axis)):
-                    follows[axis] = f"{self._reader.measured('where')}[{Axis(axis).row}]"
-            return self._translated(self._place_of(expression), expression, **names, **follows)
+            names |= {axis: self._leader(axis) for axis in AXES if expression.uses(axis)}
+            return self._translated(self._place_of(expression), expression, **(names | given))
 
         if stands(self._stage):
-            return References()
+            return MotionLines()
         return motion.rates(written) if by_rates(self._stage) else motion.coordinates(written)
 
-    def _leads(self, axis: Axis) -> bool:
-        return self._stage.plans[axis].leads and axis in self._stage.spec.axes
+    def _leader(self, axis: Axis) -> str:
+        """The coordinate of an axis that others follow: its reference, or what is measured."""
+        plan = self._stage.plans[axis]
+        if plan.leads and not isinstance(plan.mode, Hold):
+            return str(axis)
+        where = self._reader.measured("where")
+        if not axis.is_rotation:
+            return f"{where}[{axis.row}]"
+        self._reader.now["turned"] = f"turned_since(place, {where})"
+        return f"turned[{axis.row}]"
 
     def _is_position(self, expression: Expression) -> bool:
         modes = (plan.mode for plan in self._stage.plans.values())
@@ -167,13 +199,11 @@ class StageWriter:
             if point.ramp == 0:
                 wrench[axis.row] = wanted
                 continue
-            ramp = self._constants.add(
-                f"{self._prefix}_{axis.upper()}_RAMP", number(point.ramp or DEFAULT_RAMP), "s"
-            )
-            before = f"applied_before[{axis.row}]"
-            change = f"-{before}" if wanted == "0.0" else f"({wanted} - {before})"
-            wrench[axis.row] = f"{before} + ramp(t / {ramp}) * {change}"
-            wrench[axis.row] = wrench[axis.row].replace(f"* -{before}", f"* (-{before})")
+            ramp = "FORCE_RAMP"
+            if point.ramp is not None:
+                name = f"{self._prefix}_{axis.upper()}_RAMP"
+                ramp = self._constants.add(name, number(point.ramp), "s")
+            wrench[axis.row] = f"risen(applied_before[{axis.row}], {wanted}, t / {ramp})"
         for axis in AXES:
             most.append(self._bound(axis, compliant=bool(selection[axis.row])))
         chosen = self._constants.add(
@@ -220,7 +250,7 @@ class StageWriter:
         about = "m/s, at which the law's damping takes up the force in free space"
         return self._constants.add(name, number(round(most, 4)), about)
 
-    def _command(self, motion: References) -> list[str]:
+    def _command(self, motion: MotionLines) -> list[str]:
         if stands(self._stage):
             return ["sync()"]
         values = ", ".join(motion.value[axis] for axis in AXES)
@@ -228,7 +258,7 @@ class StageWriter:
             return [f"move_at(frame, {values})"]
         return [f"track(pose_trans(frame, pose_trans(p[{values}], axes_of(place))))"]
 
-    def _uses_place(self, motion: References) -> bool:
+    def _uses_place(self) -> bool:
         return not stands(self._stage) and not by_rates(self._stage)
 
     def _uses_start(self) -> bool:
@@ -248,13 +278,13 @@ class StageWriter:
             self._constants.add(f"{self._prefix}_JOINTS_{i}", listed(target), "rad")
             for i, target in enumerate(path.targets, 1)
         ]
-        motion = References(path_lasts="0.0")
+        motion = MotionLines(path_lasts="0.0")
         ending = self._ending(motion, own=f"piece >= {len(names)}")
-        out = Lines()
+        out = ScriptLines()
         with out.block(f"def {function}():"):
             out.add(f'textmsg(PROGRAM, "stage {self._stage.name}")')
             self._count(out)
-            out.add("leave_force_mode()", "stopl(TOOL_ACCELERATION)")
+            out.add("rest()")
             if self._reads_frame():
                 out.add(f"local frame = {self._frame}")
             if self._uses_start():
@@ -277,7 +307,7 @@ class StageWriter:
                 covered = f"travel(piece_t, way, {speed}, RISE_TIME)"
                 share = f"{covered} / larger(way, NOWHERE)"
                 out.add(f"track_joints(between(from_joints, to_joints, {share}))")
-                out.add("piece_t = piece_t + STEP", "t = t + STEP", "clock = clock + STEP")
+                out.add("piece_t = piece_t + STEP", *self._clocks())
         return out.lines
 
     def _reads_frame(self) -> bool:
@@ -285,19 +315,22 @@ class StageWriter:
 
     # Its ends
 
-    def _count(self, out: Lines) -> None:
+    def _count(self, out: ScriptLines) -> None:
         attempts = self._stage.spec.attempts
         visits = f"visits_{self._prefix.lower()}"
+        if self._stage.name not in self._counted.visits:
+            return
         out.add(f"{visits} = {visits} + 1")
         if attempts is not None:
             most = self._constants.add(f"{self._prefix}_ATTEMPTS", str(attempts))
             with out.block(f"if {visits} > {most}:"):
                 out.add(self._fails(f"more than {attempts} attempts"))
 
-    def _ending(self, motion: References, own: str = "") -> Lines:
+    def _ending(self, motion: MotionLines, own: str = "") -> ScriptLines:
         """The ends of the stage, in the order in which a tick decides."""
-        out, spec = Lines(), self._stage.spec
+        out, spec = ScriptLines(), self._stage.spec
         self._limits(out)
+        out.note("Ends of the stage")
         if spec.fail_if is not None:
             with out.block(f"if {self._condition('fail_if', spec.fail_if)}:"):
                 out.add(*self._failed(f"{spec.fail_if}"))
@@ -321,24 +354,25 @@ class StageWriter:
                 self._done(out, "done")
         return out
 
-    def _over(self, motion: References) -> str:
-        spec = self._stage.spec
-        slowed = motion.path_time != "t"
-        lasts = [number(end) for end in motion.ends if isinstance(end, float)]
-        known = [float(end) for end in lasts]
+    def _over(self, motion: MotionLines) -> str:
+        """The condition of the planned end; what servoj tracks arrives late."""
+        conditions, spec = [], self._stage.spec
         if spec.time is not None:
-            known.append(spec.time)
-        conditions = []
-        if known:
-            name = self._constants.add(f"{self._prefix}_TIME", number(max(known)), "s")
+            name = self._constants.add(f"{self._prefix}_TIME", number(spec.time), "s")
             conditions.append(f"t >= {name} - STEP / 2.0")
-        if motion.path_lasts:
-            time = motion.path_time if slowed else "t"
-            conditions.append(f"{time} >= {motion.path_lasts} - STEP / 2.0")
+        if motion.ends:
+            name = self._constants.add(f"{self._prefix}_MOTION", number(max(motion.ends)), "s")
+            conditions.append(f"t >= {name} + SERVO_LOOKAHEAD - STEP / 2.0")
+        if motion.path_lasts and motion.path_time == "t":
+            conditions.append(f"t >= {motion.path_lasts} + SERVO_LOOKAHEAD - STEP / 2.0")
+        elif motion.path_lasts:
+            conditions.append(f"{motion.path_time} >= {motion.path_lasts} - STEP / 2.0")
         return " and ".join(conditions)
 
-    def _limits(self, out: Lines) -> None:
+    def _limits(self, out: ScriptLines) -> None:
         limits = self._stage.limits
+        if (limits.force, limits.torque, limits.speed) != (None, None, None):
+            out.note("Limits")
         for name, rows in (("force", (0, 1, 2)), ("torque", (3, 4, 5))):
             bound = getattr(limits, name)
             if bound is None:
@@ -352,7 +386,7 @@ class StageWriter:
         if limits.speed is not None:
             self._limit(out, "speed", limits.speed, "tool_speed()")
 
-    def _limit(self, out: Lines, name: str, bound: float, value: str) -> None:
+    def _limit(self, out: ScriptLines, name: str, bound: float, value: str) -> None:
         text = f"limit on {name}: {show(bound, Limits.dimension_of(name))}"
         task = self._stage.context.loaded.task.limits
         most = f"MOST_{name.upper()}"
@@ -373,7 +407,7 @@ class StageWriter:
             place = self._place.until if key == "until" else self._place.fail_if
             raise PartError(place, error, expression) from error
 
-    def _done(self, out: Lines, text: str) -> None:
+    def _done(self, out: ScriptLines, text: str) -> None:
         spec = self._stage.spec
         if spec.tare:
             out.add("zero_ftsensor()")
@@ -382,7 +416,9 @@ class StageWriter:
             many = self._constants.add(f"{self._prefix}_REPEAT", str(spec.repeat))
             out.add(f"{again} = {again} + 1")
             with out.block(f"if {again} < {many}:"):
-                out.add(f"visits_{self._prefix.lower()} = visits_{self._prefix.lower()} - 1")
+                if self._stage.name in self._counted.visits:
+                    visits = f"visits_{self._prefix.lower()}"
+                    out.add(f"{visits} = {visits} - 1")
                 out.add(f"return {self._numbers[self._stage.name]}")
             out.add(f"{again} = 0")
         for number_, branch in enumerate(spec.next):
@@ -412,4 +448,3 @@ class StageWriter:
 
 def _quoted(text: str) -> str:
     return text.replace('"', "'")
-
