@@ -47,6 +47,9 @@ def _of_task(plan: TaskPlan) -> Iterator[tuple[KeyPath, str]]:
             f"joint positions, posture and limits of {robot.model!r} are not those of a Universal "
             "Robots arm: the motion of the tool alone is exported",
         )
+    else:
+        text = "ends by limits of joints and near singular postures: the robot stops by its own"
+        yield FILE.robot.model, text
     own = [key for key in _OF_SENSOR if getattr(robot.sensor, key) != getattr(Sensor(), key)]
     if own:
         keys = " and ".join(own)
