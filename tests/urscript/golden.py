@@ -84,8 +84,10 @@ def page_with(text: str, found: Mapping[str, str]) -> str:
     """The page with its generated parts in their places."""
     for mark, part in found.items():
         place = re.compile(rf"(<!-- urscript: {mark} -->\n).*?(<!-- end -->)", re.S)
-        text, count = place.subn(lambda match, p=part: f"{match[1]}{p}\n{match[2]}", text)
-        assert count == 1, f"{PAGE} has no place for {mark!r}"
+        here = place.search(text)
+        assert here, f"{PAGE} has no place for {mark!r}"
+        before, after = text[: here.end(1)], text[here.start(2) :]
+        text = f"{before}{part}\n{after}"
     return text
 
 

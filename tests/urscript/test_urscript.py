@@ -183,6 +183,7 @@ _STAGES = """\
     until: force.z < -2 N and position.x in world within 0.4 m..0.6 m
     within: 4 s
     repeat: 2
+    attempts: 4
     next: [{when: down.visits < 5, to: knock}, {to: fail}]
   knock:
     axes:
@@ -204,7 +205,9 @@ def test_reactions_counters_coordinates_and_branches_are_written():
     for line in (
         "if applied[2] < -2.0 and (where_in_world[0] >= 0.4 and where_in_world[0] <= 0.6):",
         "local where_in_world = tool_in(WORLD)",
-        "repeats_down = repeats_down + 1",
+        "if rounds_down < DOWN_REPEAT:",
+        "if rounds_down == 1:",
+        "if tries_down > DOWN_ATTEMPTS:",
         "if visits_down < 5.0:",
         'fail("down: force.z < -2 N and position.x in world within 0.4 m..0.6 m")',
         "local x_offset = place[0] - 0.08",
@@ -212,6 +215,7 @@ def test_reactions_counters_coordinates_and_branches_are_written():
         "if length_of(applied[0], applied[1], applied[2]) > KNOCK_MOST_FORCE:",
         'textmsg(PROGRAM, "down ends: limit on force: 40 N")',
         "clock = clock + STEP",
+        "if force_kept and length_of(applied[0], applied[1], applied[2]) > MOST_FORCE:",
         "local z_way = AWAY_Z_TO - place[2]",
         "local path_speed = larger(path_length, NOWHERE) / (AWAY_PATH_TIME - AWAY_RISE)",
         "movej(START_JOINTS, a=START_ACCELERATION, v=START_SPEED)",

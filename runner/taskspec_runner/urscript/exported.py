@@ -180,9 +180,12 @@ class _Writer:
         for i, name in enumerate(self._plan.stages, 1):
             found[name] = self._constants.add(f"STAGE_{identifier(name).upper()}", str(i))
         for name, stage in self._plan.stages.items():
-            self._constants.add(f"visits_{identifier(name)}".lower(), "0", "entries of the stage")
+            key = identifier(name).lower()
+            self._constants.add(f"visits_{key}", "0", "entries of the stage")
+            if stage.spec.attempts is not None:
+                self._constants.add(f"tries_{key}", "0", "entries but for repetitions")
             if stage.spec.repeat > 1:
-                self._constants.add(f"repeats_{identifier(name)}".lower(), "0")
+                self._constants.add(f"rounds_{key}", "0", "repetitions in a row")
         self._constants.add("clock", "0.0", "s, since the task began")
         self._constants.add("force_mode_on", "False", "whether the stage is one of force mode")
         return found
@@ -267,10 +270,8 @@ class _Writer:
 def _counted(plan: TaskPlan) -> Counted:
     """What the program of a task counts."""
     clock, visits = False, set[str]()
-    for name, stage in plan.stages.items():
+    for stage in plan.stages.values():
         spec = stage.spec
-        if spec.attempts is not None:
-            visits.add(name)
         used = [spec.until, spec.fail_if, *(branch.when for branch in spec.next)]
         used += [each for entry in spec.axes.values() for each, _ in entry.expressions()]
         used.append(None if spec.path is None else spec.path.slowed)

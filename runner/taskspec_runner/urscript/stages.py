@@ -316,15 +316,23 @@ class StageWriter:
     # Its ends
 
     def _count(self, out: ScriptLines) -> None:
-        attempts = self._stage.spec.attempts
-        visits = f"visits_{self._prefix.lower()}"
-        if self._stage.name not in self._counted.visits:
+        """Counts entries: all, those but repetitions, and repetitions in a row."""
+        spec, name = self._stage.spec, self._prefix.lower()
+        if self._stage.name in self._counted.visits:
+            out.add(f"visits_{name} = visits_{name} + 1")
+        if spec.repeat > 1:
+            out.add(f"rounds_{name} = rounds_{name} + 1")
+        if spec.attempts is None:
             return
-        out.add(f"{visits} = {visits} + 1")
-        if attempts is not None:
-            most = self._constants.add(f"{self._prefix}_ATTEMPTS", str(attempts))
-            with out.block(f"if {visits} > {most}:"):
-                out.add(self._fails(f"more than {attempts} attempts"))
+        tries = f"tries_{name} = tries_{name} + 1"
+        if spec.repeat > 1:
+            with out.block(f"if rounds_{name} == 1:"):
+                out.add(tries)
+        else:
+            out.add(tries)
+        most = self._constants.add(f"{self._prefix}_ATTEMPTS", str(spec.attempts))
+        with out.block(f"if tries_{name} > {most}:"):
+            out.add(self._fails(f"more than {spec.attempts} attempts"))
 
     def _ending(self, motion: MotionLines, own: str = "") -> ScriptLines:
         """The ends of the stage, in the order in which a tick decides."""
@@ -393,12 +401,18 @@ class StageWriter:
         if getattr(task, name) != bound:
             unit = {"force": "N", "torque": "N m", "speed": "m/s"}[name]
             most = self._constants.add(f"{self._prefix}_{most}", number(bound), unit)
-        with out.block(f"if {value} > {most}:"):
-            then = self._stage.limits.then(name)
-            if then and then != self._stage.name:
-                out.add(*self._to(then, text))
-            else:
+        then = self._stage.limits.then(name)
+        if then == self._stage.name:
+            # It led here, so it counts once it has been kept again.
+            kept = f"{name}_kept"
+            self._reader.before.append(f"local {kept} = False")
+            with out.block(f"if {value} <= {most}:"):
+                out.add(f"{kept} = True")
+            with out.block(f"if {kept} and {value} > {most}:"):
                 out.add(self._fails(text))
+            return
+        with out.block(f"if {value} > {most}:"):
+            out.add(*(self._to(then, text) if then else [self._fails(text)]))
 
     def _condition(self, key: str, expression: Expression) -> str:
         try:
@@ -412,15 +426,10 @@ class StageWriter:
         if spec.tare:
             out.add("zero_ftsensor()")
         if spec.repeat > 1:
-            again = f"repeats_{self._prefix.lower()}"
+            rounds = f"rounds_{self._prefix.lower()}"
             many = self._constants.add(f"{self._prefix}_REPEAT", str(spec.repeat))
-            out.add(f"{again} = {again} + 1")
-            with out.block(f"if {again} < {many}:"):
-                if self._stage.name in self._counted.visits:
-                    visits = f"visits_{self._prefix.lower()}"
-                    out.add(f"{visits} = {visits} - 1")
+            with out.block(f"if {rounds} < {many}:"):
                 out.add(f"return {self._numbers[self._stage.name]}")
-            out.add(f"{again} = 0")
         for number_, branch in enumerate(spec.next):
             if branch.when is None:
                 continue
@@ -439,8 +448,10 @@ class StageWriter:
     def _to(self, target: str, text: str) -> list[str]:
         if target == FAIL:
             return [self._fails(text)]
-        message = f'textmsg(PROGRAM, "{self._stage.name} ends: {_quoted(text)}")'
-        return [message, f"return {self._numbers[target]}"]
+        lines = [f'textmsg(PROGRAM, "{self._stage.name} ends: {_quoted(text)}")']
+        if self._stage.spec.repeat > 1:
+            lines.append(f"rounds_{self._prefix.lower()} = 0")
+        return [*lines, f"return {self._numbers[target]}"]
 
     def _fails(self, text: str) -> str:
         return f'fail("{self._stage.name}: {_quoted(text)}")'
