@@ -350,7 +350,9 @@ def export(
     *,
     folder: Annotated[
         Path,
-        typer.Argument(metavar="RUN|FILE", help="The folder of a run; with --c a task file."),
+        typer.Argument(
+            metavar="RUN|FILE", help="The folder of a run; with --c or --fmu a task file."
+        ),
     ],
     path: Annotated[
         Path | None,
@@ -372,17 +374,31 @@ def export(
         Path | None,
         typer.Option("--c", metavar="DIR", help="Write a task's controller as C99 into a folder."),
     ] = None,
+    fmu: Annotated[
+        Path | None,
+        typer.Option(
+            "--fmu",
+            metavar="PATH",
+            help="Write a task's controller as an FMU for co-simulation: a file NAME.fmu, or a "
+            "folder for one of the task's name.",
+        ),
+    ] = None,
+    fmi: Annotated[
+        int, typer.Option("--fmi", min=2, max=3, metavar="2|3", help="The FMU's version of FMI.")
+    ] = 3,
     given: options.TaskOptions,
     start: options.From = None,
     end: options.To = None,
 ) -> int:
-    """Write the log of a run for other tools, or the controller of a task as C."""
+    """Write the log of a run for other tools, or the controller of a task as C or an FMU."""
     from taskspec_runner.cli import export as exports
 
     chosen = {"csv": csv, "parquet": parquet, "mcap": mcap, "rerun": rerun}
     forms = [form for form, wanted in chosen.items() if wanted]
     if c is not None:
         return exports.export_controller(folder, c, given, forms)
+    if fmu is not None:
+        return exports.export_fmu(folder, fmu, fmi, given, forms)
     return exports.export_log(folder, path, forms, start, end)
 
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from taskspec_runner.cli.options import TaskOptions
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
+
+if TYPE_CHECKING:
+    from taskspec.program.program import Program
 
 
 def export_controller(
@@ -27,15 +31,9 @@ def export_controller(
         SpecError: the task is refused.
         InputError: the file is no task, or the folder cannot be written.
     """
-    if forms:
-        raise InputError(f"--{forms[0]} is of the log of a run, --c of a task file; name one")
-    if file.is_dir():
-        raise InputError(f"--c takes a task file, and {file} is a folder")
-    from taskspec_runner.cli.run import admitted
     from taskspec_runner.controller_c.source import controller_of
 
-    program = admitted(file, given, force=False)
-    made = controller_of(program)
+    made = controller_of(_program(file, "--c", given, forms))
     try:
         header, source = made.write(folder)
     except OSError as error:
@@ -45,6 +43,57 @@ def export_controller(
     typer.echo(f"compile it: cc -std=c99 -O2 -shared -fPIC {source} -o {library} -lm")
     typer.echo(f"judge it:   taskspec run {file} --on lib:{library}")
     return 0
+
+
+def export_fmu(
+    file: Path, path: Path, fmi: int, given: TaskOptions, forms: Sequence[str] = ()
+) -> int:
+    """Writes a task's controller as an FMU and says where, and whether a binary is in it.
+
+    Args:
+        file: the task file.
+        path: of the FMU, or a folder for one of the task's name.
+        fmi: version of the interface, 2 or 3.
+        given: what the task is changed by.
+        forms: formats of logs, of which a task has none.
+
+    Raises:
+        SpecError: the task is refused.
+        InputError: the file is no task, or the path cannot be written.
+    """
+    from taskspec_runner.controller_c.fmu import NoBinaryError, fmu_of
+
+    made = fmu_of(_program(file, "--fmu", given, forms), fmi)
+    path = path if path.suffix == ".fmu" else path / f"{made.controller.name}.fmu"
+    typer.echo("taskspec: compiling ...", err=True)
+    binary, without = None, ""
+    try:
+        binary = made.binary()
+    except NoBinaryError as error:
+        without = str(error)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(made.to_bytes(binary))
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+    typer.echo(
+        f"{path}\nFMI {fmi}.0, co-simulation; sources, {binary[0] if binary else 'no binary'}"
+    )
+    if without:
+        typer.echo(f"taskspec: {path} has no binary: {without}", err=True)
+        typer.echo(f"compile it: fmpy compile {path}", err=True)
+    return 0
+
+
+def _program(file: Path, option: str, given: TaskOptions, forms: Sequence[str]) -> Program:
+    """The program of a task that an option exports."""
+    if forms:
+        raise InputError(f"--{forms[0]} is of the log of a run, {option} of a task file; name one")
+    if file.is_dir():
+        raise InputError(f"{option} takes a task file, and {file} is a folder")
+    from taskspec_runner.cli.run import admitted
+
+    return admitted(file, given, force=False)
 
 
 def export_log(

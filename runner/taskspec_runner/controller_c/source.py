@@ -49,6 +49,7 @@ class Controller:
         digest: SHA-256 of what it is made of, in hexadecimal.
         header, source: texts of its two files.
         numbers: doubles of one instance.
+        wrench: what the wrench of a sample is.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Controller:
     header: str
     source: str
     numbers: int
+    wrench: str
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """Writes NAME.h and NAME.c; their paths.
@@ -95,9 +97,9 @@ def controller_of(program: Program) -> Controller:
     }
     made_of = "\n".join((text, *(f"{key} {part}" for key, part in sorted(parts.items()))))
     parts["HASH"] = digest = hashlib.sha256(made_of.encode()).hexdigest()
-    header = _filled((_FOLDER / "controller.h").read_text(encoding="utf-8"), parts)
+    header = filled((_FOLDER / "controller.h").read_text(encoding="utf-8"), parts)
     numbers = len(layout.blocks[Kind.VECTOR].values)
-    return Controller(name, digest, header, _filled(text, parts), numbers)
+    return Controller(name, digest, header, filled(text, parts), numbers, parts["WRENCH"])
 
 
 def identifier(name: str) -> str:
@@ -106,7 +108,7 @@ def identifier(name: str) -> str:
     return written if written[:1].isalpha() else f"task_{written}"
 
 
-def _filled(text: str, parts: dict[str, str]) -> str:
+def filled(text: str, parts: dict[str, str]) -> str:
     """A template, whose places are @NAME@."""
     return re.sub(r"@([A-Z_]+)@", lambda match: parts[match[1]], text)
 

@@ -90,7 +90,7 @@ struct @NAME@ *@NAME@_init(void *memory)
     m->now = &m->controllermemory[0];
     m->wrench = @READING@;
     m->event = -1;
-    m->bears = 20;
+    m->bears = @UPPER@_BEARS;
     return m;
 }
 

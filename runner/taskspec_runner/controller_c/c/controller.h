@@ -29,6 +29,8 @@ extern "C" {
 #define @UPPER@_STAGES @STAGES@
 /* Of control [s]. */
 #define @UPPER@_PERIOD @PERIOD@
+/* Lost samples in a row that are borne at first. */
+#define @UPPER@_BEARS 20
 /* Whether the wrench is a reading, from which weight and zero are still to be taken. */
 #define @UPPER@_READS_SENSOR @SENSOR@
 
@@ -86,7 +88,7 @@ void @NAME@_start(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAME@
 /* One control period; the first sample is that of the start. Returns the state. */
 int32_t @NAME@_step(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAME@_output *out);
 struct @NAME@_status @NAME@_status(const struct @NAME@ *m);
-/* So many lost samples in a row are borne, each a period on the last one; 20 at first. */
+/* So many lost samples in a row are borne, each a period on the last one. */
 void @NAME@_bear(struct @NAME@ *m, int32_t lost);
 
 #ifdef __cplusplus
