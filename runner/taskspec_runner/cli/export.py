@@ -77,8 +77,9 @@ def export_fmu(
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
     typer.echo(
-        f"{path}\nFMI {fmi}.0, co-simulation; sources, {binary[0] if binary else 'no binary'}"
+        f"{path}\nFMI {fmi}.0, co-simulation: sources, {binary[0] if binary else 'no binary'}"
     )
+    typer.echo(f"judge it: taskspec run {file} --on fmu:{path}")
     if without:
         typer.echo(f"taskspec: {path} has no binary: {without}", err=True)
         typer.echo(f"compile it: fmpy compile {path}", err=True)

@@ -22,6 +22,8 @@ from taskspec.native.kernel_c import number
 from taskspec.program.program import Program
 from taskspec_runner.controller_c.source import Controller, controller_of, filled
 
+#: Versions of FMI that there are FMUs of.
+FMI_VERSIONS = (2, 3)
 _FOLDER = Path(__file__).parent / "fmi"
 #: The exponents of its SI units, by the name of a unit.
 _UNITS = {
@@ -271,10 +273,10 @@ def _description_3(
         if v.causality == "output":
             outputs.append(str(reference))
     # Between communication points no output depends on what the inputs are set to.
-    for reference in outputs:
-        SubElement(structure, "Output", valueReference=reference, dependencies="")
-    for reference in outputs:
-        SubElement(structure, "InitialUnknown", valueReference=reference)
+    for output in outputs:
+        SubElement(structure, "Output", valueReference=output, dependencies="")
+    for output in outputs:
+        SubElement(structure, "InitialUnknown", valueReference=output)
     return root
 
 
@@ -371,4 +373,5 @@ def _build(controller: Controller) -> Element:
 
 def _text(root: Element) -> str:
     ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True).decode() + "\n"
+    text: bytes = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return text.decode() + "\n"

@@ -189,3 +189,16 @@ FMU_LACKS(fmi2SetRealInputDerivatives, (fmi2Component c, fmu_references r[], siz
                                         const fmi2Integer order[], const fmi2Real value[]))
 FMU_LACKS(fmi2GetRealOutputDerivatives, (fmi2Component c, fmu_references r[], size_t n,
                                          const fmi2Integer order[], fmi2Real value[]))
+
+/* Of model exchange; there are importers that load them in any case. */
+FMU_LACKS(fmi2EnterEventMode, (fmi2Component c))
+FMU_LACKS(fmi2NewDiscreteStates, (fmi2Component c, fmi2EventInfo *event))
+FMU_LACKS(fmi2EnterContinuousTimeMode, (fmi2Component c))
+FMU_LACKS(fmi2CompletedIntegratorStep, (fmi2Component c, fmi2Boolean never_back,
+                                        fmi2Boolean *event, fmi2Boolean *terminate))
+FMU_LACKS(fmi2SetTime, (fmi2Component c, fmi2Real time))
+FMU_LACKS(fmi2SetContinuousStates, (fmi2Component c, const fmi2Real states[], size_t n))
+FMU_LACKS(fmi2GetContinuousStates, (fmi2Component c, fmi2Real states[], size_t n))
+FMU_LACKS(fmi2GetDerivatives, (fmi2Component c, fmi2Real values[], size_t n))
+FMU_LACKS(fmi2GetEventIndicators, (fmi2Component c, fmi2Real values[], size_t n))
+FMU_LACKS(fmi2GetNominalsOfContinuousStates, (fmi2Component c, fmi2Real values[], size_t n))

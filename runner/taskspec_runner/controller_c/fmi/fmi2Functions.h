@@ -38,4 +38,7 @@ typedef struct {
     fmi2ComponentEnvironment componentEnvironment;
 } fmi2CallbackFunctions;
 
+/* Never filled. */
+typedef struct fmi2EventInfo fmi2EventInfo;
+
 #endif
