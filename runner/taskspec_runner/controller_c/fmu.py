@@ -20,6 +20,7 @@ from xml.etree.ElementTree import Element, SubElement
 from taskspec.deferred_methods import dataclass
 from taskspec.native.kernel_c import number
 from taskspec.program.program import Program
+from taskspec_runner.controller_c.header import gravity_words
 from taskspec_runner.controller_c.source import Controller, controller_of, filled
 
 #: Versions of FMI that there are FMUs of.
@@ -168,7 +169,6 @@ def fmu_of(program: Program, fmi: int = 3) -> Fmu:
         "VERSION": version("taskspec-robotics"),
         "PERIOD": number(program.context.period),
         "INPUTS": str(sum(v.causality == "input" for v in variables)),
-        "FIRST": ", ".join(map(number, program.context.start)),
     }
     templates = {name: (_FOLDER / name).read_text("utf-8") for name in ("fmu.h", f"fmi{fmi}.c")}
     describe = {2: _description_2, 3: _description_3}[fmi]
@@ -205,15 +205,15 @@ def _variables(program: Program, controller: Controller) -> list[FmuVariable]:
     of_joints("velocity", ("rad/s", "m/s"), "input", "measured velocity")
     for what, unit in (("force", "N"), ("moment", "N.m")):
         for axis in "xyz":
-            name, text = f"wrench.{what}.{axis}", f"{what} along {axis}: {controller.wrench}"
+            name, text = f"wrench.{what}.{axis}", f"{what} along {axis}. {controller.wrench}"
             found.append(FmuVariable(name, "Float64", "input", text, "0.0", unit))
     for i, (name, equation) in enumerate(context.equations.items()):
-        text = f"what the robot applies along the gradient of the equation {name}"
+        text = f"along the unit gradient of left minus right of {name}: {equation.constraint}"
         unit = "N.m" if equation.angular else "N"
         found.append(
             FmuVariable(f"reaction.{_written(name, i)}", "Float64", "input", text, "0.0", unit)
         )
-    of_joints("torque", ("N.m", "N"), "output", "commanded torque, gravity included,")
+    of_joints("torque", ("N.m", "N"), "output", f"commanded torque, {gravity_words(program)},")
     bears = re.search(r"_BEARS (\d+)", controller.header)
     assert bears is not None
     text = "control periods within a communication step that may lack a sample; more end the task"

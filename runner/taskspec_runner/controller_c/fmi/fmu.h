@@ -30,7 +30,7 @@ enum { FMU_OK, FMU_WARNING, FMU_DISCARD, FMU_ERROR };
 enum fmu_mode { FMU_INSTANTIATED, FMU_INITIALIZING, FMU_STEPPING, FMU_TERMINATED };
 
 /* Positions of the joints where the task starts; nothing moves, nothing presses. */
-static const double fmu_first[FMU_INPUTS] = {@FIRST@};
+static const double fmu_first[@UPPER@_JOINTS] = @UPPER@_START;
 
 struct fmu {
     struct fmu_host host;
