@@ -103,7 +103,7 @@ struct @NAME@ *@NAME@_init(void *memory)
     m->wrench = @READING@;
     m->state = @UPPER@_NOT_STARTED;
     m->event = -1;
-    m->bears = 20;
+    m->bears = @UPPER@_BEARS;
     return m;
 }
 
