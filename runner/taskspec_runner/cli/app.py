@@ -350,7 +350,9 @@ def export(
     *,
     folder: Annotated[
         Path,
-        typer.Argument(metavar="RUN|FILE", help="The folder of a run; with --c a task file."),
+        typer.Argument(
+            metavar="RUN|FILE", help="The folder of a run; with --c or --ros2-control a task file."
+        ),
     ],
     path: Annotated[
         Path | None,
@@ -372,6 +374,12 @@ def export(
         Path | None,
         typer.Option("--c", metavar="DIR", help="Write a task's controller as C99 into a folder."),
     ] = None,
+    ros2_control: Annotated[
+        Path | None,
+        typer.Option(
+            "--ros2-control", metavar="DIR", help="Write it as a ROS 2 package of ros2_control."
+        ),
+    ] = None,
     given: options.TaskOptions,
     start: options.From = None,
     end: options.To = None,
@@ -381,8 +389,12 @@ def export(
 
     chosen = {"csv": csv, "parquet": parquet, "mcap": mcap, "rerun": rerun}
     forms = [form for form, wanted in chosen.items() if wanted]
+    if c is not None and ros2_control is not None:
+        raise typer.BadParameter("name one of --c and --ros2-control", param_hint="--c")
     if c is not None:
         return exports.export_controller(folder, c, given, forms)
+    if ros2_control is not None:
+        return exports.export_ros_package(folder, ros2_control, given, forms)
     return exports.export_log(folder, path, forms, start, end)
 
 
