@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -127,10 +128,9 @@ def _parts(
         "VERSION": version("taskspec-robotics"),
         "RATE": f"{1 / context.period:g}",
         "JOINTS": str(robot.n),
-        "JOINT_LIST": ", ".join(f'"{name}"' for name in robot.joint_names),
-        "JOINT_YAML": ", ".join(f'"{name}"' for name in robot.joint_names),
+        "JOINT_LIST": ", ".join(map(json.dumps, robot.joint_names)),
         "JOINT_DEFAULT": ", ".join(f"`{name}`" for name in robot.joint_names),
-        "REACTION_LIST": ", ".join(f'"{name}"' for name in reactions),
+        "REACTION_LIST": ", ".join(map(json.dumps, reactions)),
         "REACTION_NAMES": ", ".join(equations),
         "WEIGHS": "true" if weighs else "false",
         "START": ", ".join(start),
@@ -145,7 +145,7 @@ def _parts(
             if reactions
             else ""
         ),
-        "AND_REACTIONS": " and reactions" if reactions else "",
+        "AND_SENSOR": ", sensor and reactions" if reactions else " and sensor",
         "REACTION_PARAMETER": (
             "| `reactions` | " + ", ".join(f"`{name}`" for name in reactions) + " | the state "
             "interface of the reaction of each equation, in this order; no driver has these by "
@@ -209,7 +209,6 @@ class _Example:
                 objname=_SENSOR,
             )
         model = spec.compile()
-        _write_meshes(spec, model)
         positions = model.qpos0.copy()
         positions[arm.places(model).positions] = robot.coupling.joints(context.start)
         spec.add_key(name="start", qpos=positions)
@@ -232,23 +231,6 @@ def _stl(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bytes:
     triangles = np.zeros(len(faces), dtype=_STL_TRIANGLE)
     triangles["corners"] = vertices[faces]
     return bytes(80) + np.uint32(len(faces)).tobytes() + triangles.tobytes()
-
-
-def _write_meshes(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
-    """Puts meshes of files into the specification itself, as they were in their files."""
-    for mesh in spec.meshes:
-        if not mesh.file:
-            continue
-        number = model.mesh(mesh.name).id
-        first, count = int(model.mesh_vertadr[number]), int(model.mesh_vertnum[number])
-        face, faces = int(model.mesh_faceadr[number]), int(model.mesh_facenum[number])
-        axes = np.zeros(9)
-        mujoco.mju_quat2Mat(axes, model.mesh_quat[number])
-        own = model.mesh_vert[first : first + count] @ axes.reshape(3, 3).T
-        mesh.file = ""
-        mesh.scale, mesh.refpos, mesh.refquat = [1.0] * 3, [0.0] * 3, [1.0, 0.0, 0.0, 0.0]
-        mesh.uservert = (own + model.mesh_pos[number]).ravel().tolist()
-        mesh.userface = model.mesh_face[face : face + faces].ravel().tolist()
 
 
 def _controlled(urdf: str, package: str, robot: RobotModel) -> str:
@@ -285,7 +267,10 @@ def _controlled(urdf: str, package: str, robot: RobotModel) -> str:
 def _left_out(program: Program) -> list[str]:
     """What of a task's world the example's scene has not, a paragraph each."""
     context = program.context
-    task, notes = context.loaded.task, []
+    task = context.loaded.task
+    notes = [
+        f"MuJoCo {mujoco.__version__} has written the scene; mujoco_ros2_control brings its own."
+    ]
     if context.equations or context.bushings:
         named = ", ".join(f"`{name}`" for name in (*context.equations, *context.bushings))
         notes.append(
