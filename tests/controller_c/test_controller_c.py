@@ -6,22 +6,18 @@ import ctypes
 import re
 import shutil
 import subprocess
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from taskspec.compiler import compile_task
-from taskspec.program.program import Program
-from taskspec.spec import load_task
+from controller_samples import program, recorded
 from taskspec_runner.cli.app import app
 from taskspec_runner.controller_c.source import controller_of, identifier
 from taskspec_runner.errors import InputError
 from taskspec_runner.link.library import ControllerLibrary, InLibrary
 from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.sensing import Sensing
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
@@ -32,34 +28,6 @@ TASKS = ("unknown-normal", "reach-limits", "ring")
 RUNNING, DONE, STOPPED, BAD_SAMPLE, BAD_STAMP, LOST, NOT_STARTED = 0, 1, 3, 8, 9, 10, 11
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc")
-
-
-@cache
-def program(name: str) -> Program:
-    return compile_task(load_task(ROOT / "tasks" / f"{name}.yaml"))
-
-
-@cache
-def recorded(name: str) -> tuple[np.ndarray, np.ndarray, str]:
-    """Samples (ticks, numbers) of a run by the machine, its torques (ticks, n), and its end."""
-    made = program(name)
-    parts = assemble(made)
-    machine, plant, period = parts.machine, parts.plant, made.context.period
-    sensing = Sensing(plant.arm, plant.views.equations, machine)
-    sensing.read()
-    machine.start()
-    samples, torques = [], []
-    while not machine.ended:
-        if samples:
-            sensing.read()
-        wrench = machine.wrench if machine.sensor is None else machine.sensor.reading
-        reactions = machine.reactions if machine.reactions.size else np.zeros(1)
-        clock = len(samples) * period
-        samples.append(np.concatenate([machine.q, machine.v, wrench, reactions, [clock]]))
-        machine.tick(clock)
-        torques.append(machine.torque.copy())
-        plant.step(machine.torque)
-    return np.array(samples), np.array(torques), machine.ended
 
 
 @pytest.fixture(scope="module")
