@@ -370,7 +370,11 @@ def export(
     rerun: Annotated[bool, typer.Option("--rerun", help="Write a Rerun recording.")] = False,
     c: Annotated[
         Path | None,
-        typer.Option("--c", metavar="DIR", help="Write a task's controller as C99 into a folder."),
+        typer.Option(
+            "--c",
+            metavar="DIR",
+            help="Write the controller of a task file as C99: NAME.h and NAME.c in a folder.",
+        ),
     ] = None,
     given: options.TaskOptions,
     start: options.From = None,
@@ -382,7 +386,9 @@ def export(
     chosen = {"csv": csv, "parquet": parquet, "mcap": mcap, "rerun": rerun}
     forms = [form for form, wanted in chosen.items() if wanted]
     if c is not None:
-        return exports.export_controller(folder, c, given, forms)
+        exports.of_a_task(path, forms, start, end)
+        return exports.export_controller(folder, c, given)
+    exports.of_a_run(given)
     return exports.export_log(folder, path, forms, start, end)
 
 

@@ -1,7 +1,8 @@
-"""`taskspec export`: the log of a run for other tools."""
+"""`taskspec export`: the log of a run for other tools, the controller of a task as C."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,23 +13,44 @@ from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 
 
-def export_controller(
-    file: Path, folder: Path, given: TaskOptions, forms: Sequence[str] = ()
-) -> int:
+def of_a_task(
+    path: Path | None, forms: Sequence[str], start: float | None, end: float | None
+) -> None:
+    """Refuses with --c what is of the log of a run.
+
+    Raises:
+        InputError: there is such a thing.
+    """
+    given = {f"--{form}": True for form in forms}
+    given |= {"--from": start is not None, "--to": end is not None, str(path): path is not None}
+    wrong = [name for name, is_given in given.items() if is_given]
+    if wrong:
+        raise InputError(f"{wrong[0]} is of the log of a run, --c of a task file; leave one out")
+
+
+def of_a_run(given: TaskOptions) -> None:
+    """Refuses without --c what is of a task file.
+
+    Raises:
+        InputError: there is such a thing.
+    """
+    if given.sets or given.law is not None:
+        wrong = "--set" if given.sets else "--law"
+        raise InputError(f"{wrong} is of a task file, which --c DIR exports; a log is as it is")
+
+
+def export_controller(file: Path, folder: Path, given: TaskOptions) -> int:
     """Writes a task's controller as C and says where, and how it is compiled.
 
     Args:
         file: the task file.
         folder: to write into.
         given: what the task is changed by.
-        forms: formats of logs, of which a task has none.
 
     Raises:
         SpecError: the task is refused.
         InputError: the file is no task, or the folder cannot be written.
     """
-    if forms:
-        raise InputError(f"--{forms[0]} is of the log of a run, --c of a task file; name one")
     if file.is_dir():
         raise InputError(f"--c takes a task file, and {file} is a folder")
     from taskspec_runner.cli.run import admitted
@@ -39,12 +61,24 @@ def export_controller(
     try:
         header, source = made.write(folder)
     except OSError as error:
-        raise InputError(f"{folder} cannot be written: {error.strerror or error}") from error
-    typer.echo(f"{header}\n{source}")
-    library = folder / f"{made.name}.so"
-    typer.echo(f"compile it: cc -std=c99 -O2 -shared -fPIC {source} -o {library} -lm")
-    typer.echo(f"judge it:   taskspec run {file} --on lib:{library}")
+        why = "it is a file" if folder.is_file() else error.strerror or error
+        raise InputError(f"{folder} cannot be written to: {why}; name a folder") from error
+    library, name = folder / f"{made.name}.so", made.name
+    sizes = [f"{path.stat().st_size / 1000:.0f} kB" for path in (header, source)]
+    typer.echo(f"{header}  {sizes[0]}: what goes in and out, units, frames, signs and ends")
+    typer.echo(f"{source}  {sizes[1]}; an instance takes {made.size} bytes, and no heap")
+    typer.echo("Compile it as a library, and have it drive the plant of the file:")
+    typer.echo(f"  cc -std=c99 -O2 -shared -fPIC {_word(source)} -o {_word(library)} -lm")
+    sets = "".join(f" --set {shlex.quote(each)}" for each in given.sets)
+    sets += "" if given.law is None else f" --law {given.law}"
+    typer.echo(f"  taskspec run {_word(file)}{sets} --on lib:{_word(library)}")
+    typer.echo(f"Or call {name}_init, {name}_start and {name}_step in a program of your own.")
     return 0
+
+
+def _word(path: Path) -> str:
+    """A path as a word of a shell's command."""
+    return shlex.quote(str(path))
 
 
 def export_log(
