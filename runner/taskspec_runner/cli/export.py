@@ -47,9 +47,7 @@ def of_a_run(given: TaskOptions) -> None:
     """
     if given.sets or given.law is not None:
         wrong = "--set" if given.sets else "--law"
-        raise InputError(
-            f"{wrong} is of a task file, which {OF_TASKS} export; a log is as it is"
-        )
+        raise InputError(f"{wrong} is of a task file, which {OF_TASKS} export; a log is as it is")
 
 
 def export_controller(file: Path, folder: Path, given: TaskOptions) -> int:

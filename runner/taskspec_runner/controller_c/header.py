@@ -64,7 +64,9 @@ def _joints(program: Program, machine: Machine) -> list[str]:
     context = program.context
     robot = context.robot
     rates = np.min([runner.stage.plan.torque_rates for runner in machine.runners], axis=0)
-    rows = [("", "name", "q", "v", "torque", "start", "range", "torque limit", "rate limit")]
+    rows: list[tuple[str, ...]] = [
+        ("", "name", "q", "v", "torque", "start", "range", "torque limit", "rate limit")
+    ]
     for i, name in enumerate(robot.joint_names):
         hinge = robot.hinges[i]
         units = [si_unit(d.on(rotation=hinge)) for d in (LENGTH, VELOCITY, FORCE)]

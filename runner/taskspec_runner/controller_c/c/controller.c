@@ -237,7 +237,7 @@ int32_t @NAME@_step(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAM
 }
 
 static const char *const host_words[] = {
-    "",
+    "the task goes on",
     "", "", "",
     "a stage has been entered as often as it may be",
     "a stage cannot begin: its frame has not been estimated",

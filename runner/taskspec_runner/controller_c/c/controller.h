@@ -96,7 +96,7 @@ struct @NAME@_status {
     int32_t state; /* of enum @NAME@_state */
     const char *stage; /* in which it is, or ended */
     const char *event; /* name of what ended it, as above; empty while it runs, and of other ends */
-    const char *text; /* why it ended, as a sentence; empty while it runs */
+    const char *text; /* why it ended, or that it goes on, as a sentence */
     int64_t ticks; /* control periods so far */
     int64_t lost; /* of them, without a sample of their own */
 };
