@@ -225,6 +225,13 @@ def test_reactions_counters_coordinates_and_branches_are_written():
     assert "KNOCK_BOUNDS = [0.02, 0.02, " in text
 
 
+def test_a_way_to_a_point_is_as_long_as_all_its_coordinates_make_it():
+    text = written("  go: {path: {to: [0, 50 mm, 60 mm, 0, 0, 5 deg], speed: 50 mm/s}}\n")
+    _check_names(text)
+    assert "local path_length = length_of(x_way, y_way, z_way)\n" in text
+    assert "  path_length = length_of(rx_way, ry_way, rz_way)\n" in text
+
+
 def test_names_of_a_file_take_none_of_the_programs():
     text = written("  start: {path: {line: {by: [50 mm]}, speed: 90 mm/s}}\n  Start: {time: 1 s}\n")
     _check_names(text)
