@@ -196,7 +196,8 @@ _STAGES = """\
 
 
 def written(stages: str) -> str:
-    return script_of(plan_task(load_text(_HEAD + stages, "made.yaml"))).text
+    head = _HEAD if "away" in stages else _HEAD.replace("{max: 40 N, then: away}", "40 N")
+    return script_of(plan_task(load_text(head + stages, "made.yaml"))).text
 
 
 def test_reactions_counters_coordinates_and_branches_are_written():
@@ -224,6 +225,22 @@ def test_reactions_counters_coordinates_and_branches_are_written():
     assert "KNOCK_BOUNDS = [0.02, 0.02, " in text
 
 
+def test_a_way_to_a_point_is_as_long_as_all_its_coordinates_make_it():
+    text = written("  go: {path: {to: [0, 50 mm, 60 mm, 0, 0, 5 deg], speed: 50 mm/s}}\n")
+    _check_names(text)
+    assert "local path_length = length_of(x_way, y_way, z_way)\n" in text
+    assert "  path_length = length_of(rx_way, ry_way, rz_way)\n" in text
+
+
+def test_names_of_a_file_take_none_of_the_programs():
+    text = written("  start: {path: {line: {by: [50 mm]}, speed: 90 mm/s}}\n  Start: {time: 1 s}\n")
+    _check_names(text)
+    globals_ = re.findall(r"global (\w+) =", text)
+    assert len(globals_) == len(set(globals_)) > 0
+    assert "global START_SPEED = 0.5 " in text
+    assert "global START_SPEED_2 = 0.09 " in text
+
+
 @pytest.mark.parametrize(
     ("stages", "place", "reason"),
     [
@@ -245,9 +262,8 @@ def test_reactions_counters_coordinates_and_branches_are_written():
     ],
 )  # fmt: skip
 def test_a_part_that_does_not_map_is_refused_at_its_place(stages, place, reason):
-    head = _HEAD.replace("{max: 40 N, then: away}", "40 N")
     with pytest.raises(NotMappedError) as refused:
-        script_of(plan_task(load_text(head + stages, "made.yaml")))
+        written(stages)
     (found,) = refused.value.reasons
     assert found.startswith(f"made.yaml:{place}: ")
     assert reason in found

@@ -78,15 +78,17 @@ class _Writer:
         self._surfaces: dict[str, str] = {}
 
     def script(self) -> Script:
-        name = identifier(self._task.name)
-        self._general(name)
         self._cell()
+        self._general()
+        self._constants.group = "Frames of the task, in the base of the robot"
+        for stage in self._plan.stages.values():
+            self._frame(stage)
         numbers = self._numbers()
         self._counted = _counted(self._plan)
         stages = [self._stage(stage, numbers) for stage in self._plan.stages.values()]
         main = self._main(numbers)
         return Script(
-            name,
+            f"task_{identifier(self._task.name)}",
             self._header(),
             losses.of_task(self._plan),
             self._constants.all,
@@ -111,43 +113,47 @@ class _Writer:
 
     # NamedValues
 
-    def _general(self, name: str) -> None:
+    def _general(self) -> None:
+        self._constants.group = "Tune on the robot"
         add = self._constants.add
-        add("PROGRAM", f'"{name}: "', "in the log and in messages")
+        add("FORCE_MODE_DAMPING", "0.025", "0 to 1: what is free slows down faster")
+        add("FORCE_MODE_GAIN", "0.5", "0 to 2: above 1 hard contacts may be unstable")
+        add("SERVO_LOOKAHEAD", "0.1", "s, of servoj: 0.03 follows faster, 0.2 smoother")
+        add("SERVO_GAIN", "300", "of servoj, 100 to 2000")
+        add("TOOL_ACCELERATION", "2.0", "m/s^2, of guarded motions and stops")
+        add("COMPLIANT_SPEED", number(self._slow()), "m/s, of compliant axes without a force")
+        add("COMPLIANT_TURN", number(_COMPLIANT_TURN), "rad/s, of compliant axes")
+        add("DEVIATION", number(_DEVIATION), "m, of stiff axes: beyond it the robot stops")
+        add("DEVIATION_TURN", number(_DEVIATION_TURN), "rad, of stiff axes")
+        add("TOUCHING", "0.5", "N, from which on the tool touches")
+        add("START_SPEED", "0.5", "rad/s, of the way to the start")
+        add("START_ACCELERATION", "0.5", "rad/s^2, of the way to the start")
+        add("SETTLE_TIME", "0.5", "s at rest before the sensor is zeroed")
+        add("FORCE_MODE_PAUSE", "0.02", "s at rest before force mode")
+        self._constants.group = "Of the task"
+        for key, unit in (("force", "N"), ("torque", "N m"), ("speed", "m/s")):
+            bound = getattr(self._task.limits, key)
+            if bound is not None:
+                add(f"MOST_{key.upper()}", number(bound), f"{unit}, limit")
+        self._constants.group = "Not to be changed"
+        add("PROGRAM", f'"{self._task.name}: "', "in the log and in messages")
         add("STEP", "get_steptime()", "s, control period: 0.002 on e-Series")
         add("PI", number(math.pi))
-        add("NOWHERE", "0.000000001", "m or rad: a length that is none")
+        add("NOWHERE", "0.000000001", "m, rad or s: none")
         add("RISE_TIME", number(RISE_TIME), "s, in which motions rise to their speed")
         add("FORCE_RAMP", number(DEFAULT_RAMP), "s, in which forces rise from those measured")
         add("FADE_PEAK", number(float(blend.blend_time(1.0, 1.0))), "of the speed of a fade")
         add("FADE_SPEED", number(move_speed(rotation=False)), "m/s, of the way to a coordinate")
         add("FADE_TURN", number(move_speed(rotation=True)), "rad/s, of the turn to one")
-        add("TOUCHING", "0.5", "N, from which on the tool touches")
-        add("TOOL_ACCELERATION", "2.0", "m/s^2, of guarded motions and stops")
-        add("SERVO_LOOKAHEAD", "0.1", "s, of servoj: 0.03 follows faster, 0.2 smoother")
-        add("SERVO_GAIN", "300", "of servoj, 100 to 2000")
-        add("FORCE_MODE_DAMPING", "0.025", "0 to 1: what is free slows down faster. Tune it")
-        add("FORCE_MODE_GAIN", "0.5", "0 to 2: above 1 hard contacts may be unstable. Tune it")
-        add("FORCE_MODE_PAUSE", "0.02", "s at rest before force mode")
         add("FRAME_AS_IT_IS", "2", "type of force_mode: its frame is not transformed")
-        add("COMPLIANT_SPEED", number(self._slow()), "m/s, of compliant axes without a force")
-        add("COMPLIANT_TURN", number(_COMPLIANT_TURN), "rad/s, of compliant axes")
-        add("DEVIATION", number(_DEVIATION), "m, of stiff axes: beyond it the robot stops")
-        add("DEVIATION_TURN", number(_DEVIATION_TURN), "rad, of stiff axes")
-        add("START_SPEED", "0.5", "rad/s, of the way to the start")
-        add("START_ACCELERATION", "0.5", "rad/s^2, of the way to the start")
-        add("SETTLE_TIME", "0.5", "s at rest before the sensor is zeroed")
-        for key, unit in (("force", "N"), ("torque", "N m"), ("speed", "m/s")):
-            bound = getattr(self._task.limits, key)
-            if bound is not None:
-                about = f"{unit}, limit of the task"
-                add(f"MOST_{key.upper()}", number(bound), about)
+        self._constants.group = "Params of the task"
         for param, quantity in self._task.params.items():
-            unit = si_unit(quantity.dimension)
             named = identifier(param).upper()
             taken = any(each.name == named for each in self._constants.all)
             self._params[param] = add(
-                f"PARAM_{named}" if taken else named, number(quantity.value), f"{unit}, param"
+                f"PARAM_{named}" if taken else named,
+                number(quantity.value),
+                si_unit(quantity.dimension),
             )
 
     def _slow(self) -> float:
@@ -156,19 +162,24 @@ class _Writer:
 
     def _cell(self) -> None:
         """World, tool and start."""
+        self._constants.group = "Adapt to your cell"
         add, context, robot = self._constants.add, self._context, self._task.robot
         base = rotation.from_rpy(robot.base.rpy) @ _HALF_TURN
         world = base.T, -base.T @ np.array(robot.base.xyz)
-        add("WORLD", _pose(*world), "world of the task in the base of the robot: adapt it")
+        add("WORLD", _pose(*world), "world of the task in the base of the robot")
         self._frames["world"] = "WORLD"
         tool = make_tool(robot.tool, planar=False)
         add("TCP", pose((0.0, 0.0, tool.length), (0.0, 0.0, 0.0)), "tip of the tool")
         add("MASS", number(tool.mass), "kg, of the tool")
         lever = np.array([0.0, 0.0, tool.length]) + tool.inertia.lever
-        add("COG", listed(lever if tool.mass else np.zeros(3)), "m, its centre from the flange")
+        add(
+            "COG",
+            listed(np.round(lever if tool.mass else np.zeros(3), 6)),
+            "m, its centre from the flange",
+        )
         I = tool.inertia.inertia if tool.mass else np.zeros((3, 3))  # noqa: E741
         six = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
-        add("INERTIA", listed(six), "kg m^2, xx, yy, zz, xy, xz, yz about its centre")
+        add("INERTIA", listed(np.round(six, 9)), "kg m^2, xx, yy, zz, xy, xz, yz about its centre")
         if robot.model in UNIVERSAL_ROBOTS:
             add("START_JOINTS", listed(np.round(context.start, 6)), "rad, where the task starts")
         else:
@@ -176,16 +187,16 @@ class _Writer:
             add("START", f"pose_trans(WORLD, {placed})", "tip of the tool where the task starts")
 
     def _numbers(self) -> dict[str, str]:
+        self._constants.group = "Stages, and what the program counts"
         found = {END: self._constants.add("STAGE_END", "0")}
         for i, name in enumerate(self._plan.stages, 1):
             found[name] = self._constants.add(f"STAGE_{identifier(name).upper()}", str(i))
         for name, stage in self._plan.stages.items():
-            key = identifier(name).lower()
-            self._constants.add(f"visits_{key}", "0", "entries of the stage")
+            self._constants.add(f"visits_{name}", "0", "entries of the stage")
             if stage.spec.attempts is not None:
-                self._constants.add(f"tries_{key}", "0", "entries but for repetitions")
+                self._constants.add(f"tries_{name}", "0", "entries but for repetitions")
             if stage.spec.repeat > 1:
-                self._constants.add(f"rounds_{key}", "0", "repetitions in a row")
+                self._constants.add(f"rounds_{name}", "0", "repetitions in a row")
         self._constants.add("clock", "0.0", "s, since the task began")
         self._constants.add("force_mode_on", "False", "whether the stage is one of force mode")
         return found
@@ -196,20 +207,24 @@ class _Writer:
         names = list(self._plan.stages)
         after = names.index(stage.name) + 1
         following = names[after] if after < len(names) else END
-        frame = "WORLD" if stage.joint_path is not None else self._frame(stage)
+        frame = self._frame(stage)
         for condition in (stage.spec.until, stage.spec.fail_if):
             for model in self._context.frames.values() if condition is not None else ():
                 if model.kind == "fixed" and f"in {model.name}" in str(condition):
                     self._fixed(model)
         reader = Reader(stage, self._params, self._frames)
         prefix = identifier(stage.name).upper()
-        writer = StageWriter(stage, following, frame, reader, numbers, prefix, self._counted)
+        writer = StageWriter(
+            stage, following, frame, reader, numbers, prefix, self._counted, self._constants
+        )
         title = f"{stage.name} ({self._context.loaded.source.name}:{self._line(stage)})"
-        return writer.section(title, self._quoted(stage), f"stage_{prefix.lower()}")
+        return writer.section(title, self._quoted(stage), f"stage_{stage.name}")
 
     def _frame(self, stage: StagePlan) -> str:
         """A stage's frame in the base as the stage starts."""
         frame = stage.frame
+        if stage.joint_path is not None:
+            return "WORLD"
         if frame.kind != "following":
             return self._fixed(frame)
         if frame.name not in self._surfaces:
@@ -261,7 +276,7 @@ class _Writer:
             for i, name in enumerate(self._plan.stages):
                 word = "elif" if i else "if"
                 out.add(f"{word} stage == {numbers[name]}:")
-                out.add(f"  stage = stage_{identifier(name).lower()}()")
+                out.add(f"  stage = stage_{name}()")
             out.add("end")
         out.add("rest()", 'textmsg(PROGRAM, "done")')
         return out.lines

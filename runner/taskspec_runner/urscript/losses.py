@@ -108,7 +108,11 @@ def _of_forces(stage: StagePlan) -> Iterator[tuple[KeyPath, str]]:
     pressing = [a for a, plan in stage.plans.items() if plan.axis.set_point]
     if pressing:
         axes, first = ", ".join(pressing), place.axes[pressing[0]]
-        yield first, f"the force loop of the {kind} law on {axes}: force_mode has gains of its own"
+        if facts.force_loop:
+            text = f"the force loop of the {kind} law on {axes}: force_mode has gains of its own"
+        else:
+            text = f"the open-loop force of the {kind} law on {axes}: force_mode closes a loop"
+        yield first, text
         if facts.shares:
             yield first, f"the position that the {kind} law holds beside the force on {axes}"
     if not facts.force_loop:

@@ -10,7 +10,7 @@ import numpy as np
 from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression
 from taskspec.expression.tree import Number
-from taskspec.geometry.axis import AXES, TRANSLATIONS, Axis
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.modes import FollowsAxes, Move, OnPath, Position, Velocity
 from taskspec.motion.path import PathShape
 from taskspec.motion.paths import Line, TableFile, To
@@ -226,9 +226,15 @@ class MotionWriter:
             target = self._constants.add(name, number(targets[axis]), unit)
             start = f" - {out.value[axis]}" if isinstance(form, To) else ""
             out.before.append(f"local {axis}_way = {target}{start}".removesuffix(" - 0.0"))
-        lines = [a for a in driven if a in TRANSLATIONS and form.moves(a)] or driven
-        along = [f"{axis}_way" for axis in lines] + ["0.0"] * (3 - len(lines))
-        out.before.append(f"local path_length = length_of({', '.join(along[:3])})")
+        for turns in (False, True):
+            ways = [f"{axis}_way" for axis in driven if axis.is_rotation == turns]
+            if not ways:
+                continue
+            length = f"path_length = length_of({', '.join([*ways, '0.0', '0.0'][:3])})"
+            if any("path_length" in line for line in out.before):
+                out.before += ["if path_length < NOWHERE:", f"  {length}", "end"]
+            else:
+                out.before.append(f"local {length}")
         rise = "RISE_TIME"
         if path.time is not None:
             rise = self._constants.add(

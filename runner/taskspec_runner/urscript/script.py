@@ -38,27 +38,40 @@ class Loss:
 
 @dataclass(frozen=True, slots=True)
 class NamedValue:
-    """A named value of the program, with its unit and meaning."""
+    """A named value of the program, with its unit and meaning, and what it stands among."""
 
     name: str
     value: str
     about: str = ""
+    group: str = ""
 
 
 class NamedValues:
-    """The named values of a program, each name once."""
+    """The named values of a program, each name once.
 
-    def __init__(self) -> None:
-        """Without any."""
+    Attributes:
+        all: in their order.
+        group: what those that are entered next stand among.
+    """
+
+    def __init__(self, outer: NamedValues | None = None) -> None:
+        """Without any.
+
+        Args:
+            outer: values whose names are taken; None for none.
+        """
         self.all: list[NamedValue] = []
+        self.group = ""
+        self._taken: set[str] = set() if outer is None else outer._taken
 
     def add(self, name: str, value: str, about: str = "") -> str:
         """Enters a value; the name under which the program has it."""
-        number, free = 1, name
-        while any(each.name == free for each in self.all):
-            number += 1
-            free = f"{name}_{number}"
-        self.all.append(NamedValue(free, value, about))
+        free, count = name, 1
+        while free in self._taken:
+            count += 1
+            free = f"{name}_{count}"
+        self._taken.add(free)
+        self.all.append(NamedValue(free, value, about, self.group))
         return free
 
 
@@ -184,7 +197,11 @@ def _losses(out: ScriptLines, losses: Iterable[Loss]) -> None:
 
 
 def _constants(out: ScriptLines, constants: Iterable[NamedValue]) -> None:
+    group = ""
     for each in constants:
+        if each.group != group:
+            group = each.group
+            out.add("", f"# {group}")
         comment = f"  # {each.about}" if each.about else ""
         out.add(f"global {each.name} = {each.value}{comment}")
 

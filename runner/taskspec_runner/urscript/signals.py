@@ -10,7 +10,7 @@ from taskspec.expression.tree import Held, Name, Reduce
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.plan import StagePlan
 from taskspec_runner.urscript.expressions import UntranslatableError, translated
-from taskspec_runner.urscript.script import identifier, number
+from taskspec_runner.urscript.script import number
 
 #: Signals that are one word in a program too.
 _ALWAYS = {
@@ -117,7 +117,7 @@ class Reader:
         if axis in AXES and kind == "position":
             return self._position(name, Axis(axis), frame)
         if axis == "visits":
-            return f"visits_{identifier(kind).lower()}"
+            return f"visits_{kind}"
         if text == "touching":
             force = self.measured("applied")
             return f"(length_of({force}[0], {force}[1], {force}[2]) > TOUCHING)"

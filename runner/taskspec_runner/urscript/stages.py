@@ -68,6 +68,7 @@ class StageWriter:
         numbers: Mapping[str, str],
         prefix: str,
         counted: Counted,
+        outer: NamedValues,
     ) -> None:
         """Of a stage.
 
@@ -79,11 +80,12 @@ class StageWriter:
             numbers: names of the stages' numbers in the program, `end` among them.
             prefix: of the stage's names.
             counted: what the program counts.
+            outer: named values of the program.
         """
         self._counted = counted
         self._stage, self._following, self._frame = stage, following, frame
         self._reader, self._numbers, self._prefix = reader, numbers, prefix
-        self._constants = NamedValues()
+        self._constants = NamedValues(outer)
         self._place = FILE.stages[stage.name]
         self._losses: list[Loss] = losses.of_stage(stage)
         pressed = {
@@ -317,7 +319,7 @@ class StageWriter:
 
     def _count(self, out: ScriptLines) -> None:
         """Counts entries: all, those but repetitions, and repetitions in a row."""
-        spec, name = self._stage.spec, self._prefix.lower()
+        spec, name = self._stage.spec, self._stage.name
         if self._stage.name in self._counted.visits:
             out.add(f"visits_{name} = visits_{name} + 1")
         if spec.repeat > 1:
@@ -426,7 +428,7 @@ class StageWriter:
         if spec.tare:
             out.add("zero_ftsensor()")
         if spec.repeat > 1:
-            rounds = f"rounds_{self._prefix.lower()}"
+            rounds = f"rounds_{self._stage.name}"
             many = self._constants.add(f"{self._prefix}_REPEAT", str(spec.repeat))
             with out.block(f"if {rounds} < {many}:"):
                 out.add(f"return {self._numbers[self._stage.name]}")
@@ -450,7 +452,7 @@ class StageWriter:
             return [self._fails(text)]
         lines = [f'textmsg(PROGRAM, "{self._stage.name} ends: {_quoted(text)}")']
         if self._stage.spec.repeat > 1:
-            lines.append(f"rounds_{self._prefix.lower()} = 0")
+            lines.append(f"rounds_{self._stage.name} = 0")
         return [*lines, f"return {self._numbers[target]}"]
 
     def _fails(self, text: str) -> str:
