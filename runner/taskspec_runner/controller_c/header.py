@@ -90,22 +90,14 @@ def _limit(value: float, unit: str) -> str:
 
 
 def _torques(machine: Machine) -> str:
-    """What is kept of the limits of torque, and in which stages."""
-    kept = [runner.stage.name for runner in machine.runners if runner.solver is not None]
-    others = [runner.stage.name for runner in machine.runners if runner.solver is None]
-    end = "From the task's end on they are within the limits of the table."
-    if not others:
-        return "They are within the limits of the table, by 'solve: qp' and after the end."
-    free = (
-        "torques are those of the law, which keeps no limit (no 'solve: qp'): beyond the limits "
-        "of the table the drives have to cut them"
-    )
-    if not kept:
-        return f"While the task goes on, {free}. {end}"
-    return (
-        f"In the stages {', '.join(kept)} torques are within the limits of the table. In "
-        f"{', '.join(others)} {free}. {end}"
-    )
+    """How far torques are kept within the limits of the table, and their rates."""
+    said = "They are within the torque limits of the table at all times."
+    stages = [(runner.stage.name, runner.solver is not None) for runner in machine.runners]
+    if not any(np.isfinite(runner.stage.plan.torque_rates).any() for runner in machine.runners):
+        return said
+    others = ", ".join(name for name, solves in stages if not solves)
+    but = f", but not in {others}: what keeps them is 'solve: qp'" if others else ""
+    return f"{said} So are their rates{but}."
 
 
 def _stages(machine: Machine) -> list[str]:
