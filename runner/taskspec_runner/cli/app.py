@@ -372,7 +372,11 @@ def export(
     rerun: Annotated[bool, typer.Option("--rerun", help="Write a Rerun recording.")] = False,
     c: Annotated[
         Path | None,
-        typer.Option("--c", metavar="DIR", help="Write a task's controller as C99 into a folder."),
+        typer.Option(
+            "--c",
+            metavar="DIR",
+            help="Write the controller of a task file as C99: NAME.h and NAME.c in a folder.",
+        ),
     ] = None,
     ros2_control: Annotated[
         Path | None,
@@ -392,9 +396,12 @@ def export(
     if c is not None and ros2_control is not None:
         raise typer.BadParameter("name one of --c and --ros2-control", param_hint="--c")
     if c is not None:
-        return exports.export_controller(folder, c, given, forms)
+        exports.of_a_task("--c", path, forms, start, end)
+        return exports.export_controller(folder, c, given)
     if ros2_control is not None:
-        return exports.export_ros_package(folder, ros2_control, given, forms)
+        exports.of_a_task("--ros2-control", path, forms, start, end)
+        return exports.export_ros_package(folder, ros2_control, given)
+    exports.of_a_run(given)
     return exports.export_log(folder, path, forms, start, end)
 
 

@@ -40,17 +40,28 @@ class ControllerLibrary:
             InputError: it is no library, or not of this controller.
         """
         name = controller.name
+        again = f"compile it: cc -std=c99 -O2 -shared -fPIC {name}.c -o {name}.so -lm"
         try:
             # By its whole path: a bare name would be searched for elsewhere.
             self._library = ctypes.CDLL(str(path.resolve(strict=True)))
+        except FileNotFoundError as error:
+            raise InputError(
+                f"there is no {path}; export the task with 'taskspec export FILE --c DIR' and "
+                f"{again}"
+            ) from error
+        except OSError as error:
+            raise InputError(
+                f"{path} is no shared library that this machine can load: {error}; {again}"
+            ) from error
+        try:
             functions = {
                 part: getattr(self._library, f"{name}_{part}")
                 for part in ("size", "init", "start", "step", "task", "bear")
             }
-        except (OSError, AttributeError) as error:
+        except AttributeError as error:
             raise InputError(
                 f"{path} is no library of the task {name!r}: {error}; export the task with "
-                f"'taskspec export FILE --c DIR' and compile it as its page says"
+                f"'taskspec export FILE --c DIR' and {again}"
             ) from error
         functions["size"].restype = ctypes.c_uint64
         functions["task"].restype = ctypes.c_char_p
