@@ -140,7 +140,7 @@ check: lint types schema validate test
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip
-	$(BIN)/pip install --quiet --editable '.[dev,docs]'
+	$(BIN)/pip install --quiet --no-compile --editable '.[dev,docs]'
 	touch $(READY)
 
 clean:

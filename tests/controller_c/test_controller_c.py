@@ -42,7 +42,7 @@ def driven(tmp_path_factory):
             made.write(folder)
             defined = (f"-DNAME={made.name}", f'-DHEADER="{made.name}.h"', f"-I{folder}")
             files = (str(HERE / "drive.c"), f"{made.name}.c", "-o", "drive", "-lm")
-            command = ["gcc", *STRICT, *SANITIZED, "-O1", *defined, *files]
+            command = ["gcc", *STRICT, *SANITIZED, "-O0", *defined, *files]
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
             assert done.returncode == 0, done.stderr
             programs[name] = folder / "drive"
@@ -211,7 +211,7 @@ def test_the_command_line_exports_and_judges(tmp_path, monkeypatch) -> None:
     run = CliRunner()
     done = run.invoke(app, ["export", task, "--c", "c", "--set", "stages.slide.time=0.2 s"])
     assert done.exit_code == 0, done.output
-    compiled = ["gcc", "-std=c99", "-O1", "-shared", "-fPIC", "c/press_hybrid.c", "-lm"]
+    compiled = ["gcc", *STRICT, "-O1", "-shared", "-fPIC", "c/press_hybrid.c", "-lm"]
     subprocess.run([*compiled, "-o", "c/press_hybrid.so"], check=True)
     sets = ["--set", "stages.slide.time=0.2 s"]
     for out, on in (("by-c", ["--on", "lib:c/press_hybrid.so"]), ("own", [])):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
@@ -13,13 +13,19 @@ from taskspec_runner.cli.options import TaskOptions
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 
+if TYPE_CHECKING:
+    from taskspec.program.program import Program
+
 T = TypeVar("T")
+
+#: Options that take a task file.
+OF_TASKS = "--c, --fmu, --ros2-control or --urscript"
 
 
 def of_a_task(
     option: str, path: Path | None, forms: Sequence[str], start: float | None, end: float | None
 ) -> None:
-    """Refuses with --c, or another option of a task file, what is of the log of a run.
+    """Refuses with an option of a task file what is of the log of a run.
 
     Raises:
         InputError: there is such a thing.
@@ -34,17 +40,14 @@ def of_a_task(
 
 
 def of_a_run(given: TaskOptions) -> None:
-    """Refuses without --c what is of a task file.
+    """Refuses without an option of a task file what is of one.
 
     Raises:
         InputError: there is such a thing.
     """
     if given.sets or given.law is not None:
         wrong = "--set" if given.sets else "--law"
-        raise InputError(
-            f"{wrong} is of a task file, which --c DIR and --ros2-control DIR export; "
-            f"a log is as it is"
-        )
+        raise InputError(f"{wrong} is of a task file, which {OF_TASKS} export; a log is as it is")
 
 
 def export_controller(file: Path, folder: Path, given: TaskOptions) -> int:
@@ -59,12 +62,9 @@ def export_controller(file: Path, folder: Path, given: TaskOptions) -> int:
         SpecError: the task is refused.
         InputError: the file is no task, or the folder cannot be written.
     """
-    _require_file(file, "--c")
-    from taskspec_runner.cli.run import admitted
     from taskspec_runner.controller_c.source import controller_of
 
-    program = admitted(file, given, force=False)
-    made = controller_of(program)
+    made = controller_of(_program(file, "--c", given))
     header, source = _written(made.write, folder)
     library, name = folder / f"{made.name}.so", made.name
     sizes = [f"{path.stat().st_size / 1000:.0f} kB" for path in (header, source)]
@@ -72,10 +72,48 @@ def export_controller(file: Path, folder: Path, given: TaskOptions) -> int:
     typer.echo(f"{source}  {sizes[1]}; an instance takes {made.size} bytes, and no heap")
     typer.echo("Compile it as a library, and have it drive the plant of the file:")
     typer.echo(f"  cc -std=c99 -O2 -shared -fPIC {_word(source)} -o {_word(library)} -lm")
-    sets = "".join(f" --set {shlex.quote(each)}" for each in given.sets)
-    sets += "" if given.law is None else f" --law {given.law}"
-    typer.echo(f"  taskspec run {_word(file)}{sets} --on lib:{_word(library)}")
+    typer.echo(f"  {_judging(file, given)} --on lib:{_word(library)}")
     typer.echo(f"Or call {name}_init, {name}_start and {name}_step in a program of your own.")
+    return 0
+
+
+def export_fmu(file: Path, path: Path, fmi: int, given: TaskOptions) -> int:
+    """Writes a task's controller as an FMU and says where, and whether a binary is in it.
+
+    Args:
+        file: the task file.
+        path: of the FMU, or a folder for one of the task's name.
+        fmi: version of the interface, 2 or 3.
+        given: what the task is changed by.
+
+    Raises:
+        SpecError: the task is refused.
+        InputError: the file is no task, or the path cannot be written.
+    """
+    from taskspec_runner.controller_c.fmu import NoBinaryError, fmu_of
+
+    made = fmu_of(_program(file, "--fmu", given), fmi)
+    path = path if path.suffix == ".fmu" else path / f"{made.controller.name}.fmu"
+    typer.echo("taskspec: compiling ...", err=True)
+    binary, without = None, ""
+    try:
+        binary = made.binary()
+    except NoBinaryError as error:
+        without = str(error)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(made.to_bytes(binary))
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+    typer.echo(
+        f"{path}\nFMI {fmi}.0, co-simulation: sources, {binary[0] if binary else 'no binary'}"
+    )
+    typer.echo(
+        f"Have it drive the plant of the file: {_judging(file, given)} --on fmu:{_word(path)}"
+    )
+    if without:
+        typer.echo(f"taskspec: {path} has no binary: {without}", err=True)
+        typer.echo(f"compile it: fmpy compile {_word(path)}", err=True)
     return 0
 
 
@@ -89,11 +127,9 @@ def export_ros_package(file: Path, folder: Path, given: TaskOptions) -> int:
         SpecError: the task is refused.
         InputError: the file is no task, or the folder cannot be written.
     """
-    _require_file(file, "--ros2-control")
-    from taskspec_runner.cli.run import admitted
     from taskspec_runner.ros2_control.package import package_of
 
-    made = package_of(admitted(file, given, force=False))
+    made = package_of(_program(file, "--ros2-control", given))
     for path in _written(made.write, folder):
         if path.suffix != ".stl":
             typer.echo(str(path))
@@ -104,9 +140,31 @@ def export_ros_package(file: Path, folder: Path, given: TaskOptions) -> int:
     return 0
 
 
-def _require_file(file: Path, option: str) -> None:
-    if file.is_dir():
-        raise InputError(f"{option} takes a task file, and {file} is a folder")
+def export_urscript(file: Path, path: Path, given: TaskOptions) -> int:
+    """Writes a task as a program of a Universal Robots arm, and says line by line what is lost.
+
+    Args:
+        file: the task file.
+        path: of the program.
+        given: what the task is changed by.
+
+    Raises:
+        SpecError: the task is refused.
+        NotMappedError: it has no such program.
+        InputError: the file is no task, or the path cannot be written.
+    """
+    from taskspec_runner.urscript.exported import script_of
+
+    script = script_of(_program(file, "--urscript", given).plan)
+    try:
+        path.write_text(script.text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+    typer.echo(str(path))
+    for loss in script.all_losses:
+        typer.echo(f"{loss.source}:{loss.line}:{loss.column}: lost: {loss.text}")
+    typer.echo("never executed, neither on a robot nor in URSim: read it, and adapt WORLD")
+    return 0
 
 
 def _written(write: Callable[[Path], T], folder: Path) -> T:
@@ -116,6 +174,22 @@ def _written(write: Callable[[Path], T], folder: Path) -> T:
     except OSError as error:
         why = "it is a file" if folder.is_file() else error.strerror or error
         raise InputError(f"{folder} cannot be written to: {why}; name a folder") from error
+
+
+def _program(file: Path, option: str, given: TaskOptions) -> Program:
+    """The program of a task that an option exports."""
+    if file.is_dir():
+        raise InputError(f"{option} takes a task file, and {file} is a folder")
+    from taskspec_runner.cli.run import admitted
+
+    return admitted(file, given, force=False)
+
+
+def _judging(file: Path, given: TaskOptions) -> str:
+    """The command that runs a task as it was exported."""
+    sets = "".join(f" --set {shlex.quote(each)}" for each in given.sets)
+    sets += "" if given.law is None else f" --law {given.law}"
+    return f"taskspec run {_word(file)}{sets}"
 
 
 def _word(path: Path) -> str:
@@ -134,7 +208,7 @@ def export_log(
     if not forms:
         raise InputError(
             "name a format to export to: --csv, --parquet, --mcap or --rerun; "
-            "or --c or --ros2-control for a task"
+            f"or {OF_TASKS} for a task"
         )
     if path is not None and len(forms) > 1:
         raise InputError(f"{path} can hold one format, not {len(forms)}; leave the path out")

@@ -23,11 +23,6 @@ def header_facts(program: Program, machine: Machine) -> dict[str, str]:
     length = task.robot.tool.length
     away = "" if length is None else f", {length:g} m from it along its z"
     flange = f", flange {robot.flange!r}" if robot.flange else ""
-    gravity = (
-        "nothing for the weight, which a counterweight carries (robot.balanced)"
-        if task.robot.balanced
-        else "gravity included"
-    )
     return {
         "ROBOT": _comment(
             [
@@ -39,10 +34,17 @@ def header_facts(program: Program, machine: Machine) -> dict[str, str]:
         "TORQUES": _comment([_torques(machine)]),
         "STAGE_TABLE": _comment(_stages(machine), wrap=False),
         "LIMITS": _comment(_limits(machine), wrap=False),
-        "WRENCH": _comment(_wrench(program, machine), indent=4),
+        "WRENCH": _comment(wrench_lines(program, machine), indent=4),
         "REACTION_NAMES": _comment(_reactions(program), indent=4),
-        "GRAVITY": gravity,
+        "GRAVITY": gravity_words(program),
     }
+
+
+def gravity_words(program: Program) -> str:
+    """What the torques hold of the arm's weight."""
+    if program.context.loaded.task.robot.balanced:
+        return "nothing for the weight, which a counterweight carries (robot.balanced)"
+    return "gravity included"
 
 
 def _comment(lines: Iterable[str], *, indent: int = 1, wrap: bool = True) -> str:
@@ -62,7 +64,9 @@ def _joints(program: Program, machine: Machine) -> list[str]:
     context = program.context
     robot = context.robot
     rates = np.min([runner.stage.plan.torque_rates for runner in machine.runners], axis=0)
-    rows = [("", "name", "q", "v", "torque", "start", "range", "torque limit", "rate limit")]
+    rows: list[tuple[str, ...]] = [
+        ("", "name", "q", "v", "torque", "start", "range", "torque limit", "rate limit")
+    ]
     for i, name in enumerate(robot.joint_names):
         hinge = robot.hinges[i]
         units = [si_unit(d.on(rotation=hinge)) for d in (LENGTH, VELOCITY, FORCE)]
@@ -131,7 +135,7 @@ def _limits(machine: Machine) -> list[str]:
     return lines or ["none"]
 
 
-def _wrench(program: Program, machine: Machine) -> list[str]:
+def wrench_lines(program: Program, machine: Machine) -> list[str]:
     """Axes, point and sign of the wrench."""
     said = "By the environment on the tool: force x y z [N], then moment x y z about the tip [N m]."
     if machine.sensor is None:

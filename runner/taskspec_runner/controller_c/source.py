@@ -23,7 +23,7 @@ from taskspec.program.execution.exits import repeats
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, exits
 from taskspec.program.program import Program
-from taskspec_runner.controller_c.header import header_facts
+from taskspec_runner.controller_c.header import header_facts, wrench_lines
 from taskspec_runner.controller_c.layout import Layout
 
 _FOLDER = Path(__file__).parent / "c"
@@ -65,6 +65,7 @@ class Controller:
         digest: SHA-256 of what it is made of, in hexadecimal.
         header, source: texts of its two files.
         size: bytes that are enough for an instance.
+        wrench: what the wrench of a sample is.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Controller:
     header: str
     source: str
     size: int
+    wrench: str
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """Writes NAME.h and NAME.c; their paths.
@@ -111,8 +113,8 @@ def controller_of(program: Program) -> Controller:
     }
     made_of = "\n".join((text, header, *(f"{key} {part}" for key, part in sorted(parts.items()))))
     parts["HASH"] = digest = hashlib.sha256(made_of.encode()).hexdigest()
-    size = int(parts["SIZE"])
-    return Controller(name, digest, _filled(header, parts), _filled(text, parts), size)
+    size, wrench = int(parts["SIZE"]), " ".join(wrench_lines(program, machine))
+    return Controller(name, digest, filled(header, parts), filled(text, parts), size, wrench)
 
 
 def identifier(name: str) -> str:
@@ -122,7 +124,7 @@ def identifier(name: str) -> str:
     return f"task_{written}" if taken else written
 
 
-def _filled(text: str, parts: dict[str, str]) -> str:
+def filled(text: str, parts: dict[str, str]) -> str:
     """A template, whose places are @NAME@."""
     return re.sub(r"@([A-Z_]+)@", lambda match: parts[match[1]], text)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,28 @@ from taskspec_runner.loop.sensing import Sensing
 from taskspec_runner.plant.plant import Plant
 
 Vector = NDArray[np.float64]
+
+
+class ExportedController(Protocol):
+    """An instance of a controller that was exported, in this process.
+
+    Attributes:
+        q, v, wrench, reactions: of the sample that it is to answer.
+        torque: (n,) of the last answer [N m, N].
+    """
+
+    q: Vector
+    v: Vector
+    wrench: Vector
+    reactions: Vector
+    torque: Vector
+
+    @property
+    def state(self) -> int:
+        """Of the last answer, 0 while the task goes on."""
+
+    def answer(self, stamp: float, *, first: bool = False) -> None:
+        """Has the controller answer the sample that is written, at a time [s]."""
 
 
 class ControllerLibrary:
@@ -109,7 +131,7 @@ class LibraryPlant:
     """
 
     def __init__(
-        self, library: ControllerLibrary, parts: Assembly[Plant], sensing: Sensing
+        self, library: ExportedController, parts: Assembly[Plant], sensing: Sensing
     ) -> None:
         self._library, self._plant, self._sensing = library, parts.plant, sensing
         self._machine, self._period = parts.machine, parts.program.context.period
@@ -174,7 +196,7 @@ class InLibrary:
         """
         context = program.context
         self._path = path
-        self._library = ControllerLibrary(
+        self._library: ExportedController = ControllerLibrary(
             path, controller_of(program), context.robot.n, len(context.equations)
         )
 

@@ -103,7 +103,7 @@ struct @NAME@ *@NAME@_init(void *memory)
     m->wrench = @READING@;
     m->state = @UPPER@_NOT_STARTED;
     m->event = -1;
-    m->bears = 20;
+    m->bears = @UPPER@_BEARS;
     return m;
 }
 
@@ -237,7 +237,7 @@ int32_t @NAME@_step(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAM
 }
 
 static const char *const host_words[] = {
-    "",
+    "the task goes on",
     "", "", "",
     "a stage has been entered as often as it may be",
     "a stage cannot begin: its frame has not been estimated",

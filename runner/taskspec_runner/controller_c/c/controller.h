@@ -42,6 +42,8 @@ extern "C" {
 #define @UPPER@_STAGES @STAGES@
 /* Of control [s]. */
 #define @UPPER@_PERIOD @PERIOD@
+/* Lost samples in a row that are borne at first. */
+#define @UPPER@_BEARS 20
 /* Whether the wrench is a reading, from which weight and zero are still to be taken. */
 #define @UPPER@_READS_SENSOR @SENSOR@
 /* Joint positions where the task of the file starts. */
@@ -94,7 +96,7 @@ struct @NAME@_status {
     int32_t state; /* of enum @NAME@_state */
     const char *stage; /* in which it is, or ended */
     const char *event; /* name of what ended it, as above; empty while it runs, and of other ends */
-    const char *text; /* why it ended, as a sentence; empty while it runs */
+    const char *text; /* why it ended, or that it goes on, as a sentence */
     int64_t ticks; /* control periods so far */
     int64_t lost; /* of them, without a sample of their own */
 };
@@ -113,7 +115,7 @@ void @NAME@_start(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAME@
 /* One control period; the first sample is that of the start. Returns the state. */
 int32_t @NAME@_step(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAME@_output *out);
 struct @NAME@_status @NAME@_status(const struct @NAME@ *m);
-/* So many lost samples in a row are borne, 20 at first. Each is a period on the sample before it.
+/* So many lost samples in a row are borne. Each is a period on the sample before it.
  * Two samples without one lost between them end a row. */
 void @NAME@_bear(struct @NAME@ *m, int32_t lost);
 
