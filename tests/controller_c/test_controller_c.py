@@ -181,14 +181,14 @@ def test_fast_math_is_refused(tmp_path) -> None:
                 "keeps no limit (no 'solve: qp')",
             ],
         ),
-        ("unknown-normal", ["A sensor's reading in the axes of the tip frame", "Its zero is mea"]),
+        ("unknown-normal", ["A sensor's reading in the axes of the tip frame", "Its zero is "]),
         ("reach-limits", ["within the limits of the table, by 'solve: qp'", "no equations."]),
     ],
 )
 def test_the_header_has_units_frames_signs_stages_and_limits(name, lines) -> None:
-    header = controller_of(program(name)).header
+    header = " ".join(controller_of(program(name)).header.split())
     for line in lines:
-        assert line in header
+        assert " ".join(line.split()) in header
 
 
 def test_the_stop_takes_motion_away(driven) -> None:
