@@ -175,7 +175,8 @@ def test_values_that_cannot_be_read_are_lost_samples(driven) -> None:
     assert "state=running stage=swing event= ticks=120 lost=20" in said
     some[30:51, 0] = UNREADABLE
     _, said, _ = driven(name, some, *RUNS[name], "lost_samples=i:15")
-    assert "~/status: 2 too many samples in a row have been lost: state=lost" in said
+    assert "~/status: 2 too many samples in a row have been lost" in said
+    assert "state=lost" in said
 
 
 def test_efforts_that_cannot_be_written_are_an_error_after_a_while(driven) -> None:
@@ -368,7 +369,7 @@ def test_the_command_line_writes_a_package(tmp_path) -> None:
     run, task = CliRunner(), str(TASKS / "linkage-in-joints.yaml")
     done = run.invoke(app, ["export", task, "--ros2-control", str(tmp_path / "package")])
     assert done.exit_code == 0, done.output
-    assert "colcon build --packages-select taskspec_linkage_in_joints" in done.output
+    assert "  colcon build --packages-select taskspec_linkage_in_joints\n" in done.output
     found = {str(p.relative_to(tmp_path / "package")) for p in tmp_path.rglob("*") if p.is_file()}
     assert found == set(package("linkage-in-joints").files)
     done = run.invoke(app, ["export", task, "--ros2-control", "a", "--c", "b"])

@@ -118,7 +118,6 @@ def _parts(
     weighs = zero is not None and task.robot.sensor.at == "wrist"
     reactions = [f"{name}/reaction" for name in equations]
     weight = {"WEIGHT": _WEIGHED if weighs else _UNWEIGHED}
-    start = [repr(float(x)) for x in context.start]
     return {
         "NAME": made.name,
         "UPPER": made.name.upper(),
@@ -133,7 +132,6 @@ def _parts(
         "REACTION_LIST": ", ".join(map(json.dumps, reactions)),
         "REACTION_NAMES": ", ".join(equations),
         "WEIGHS": "true" if weighs else "false",
-        "START": ", ".join(start),
         "START_ROWS": "".join(
             f"| `{name}` | {float(x):.6g} |\n"
             for name, x in zip(robot.joint_names, context.start, strict=True)

@@ -39,12 +39,12 @@ constexpr std::size_t VALUES = 2 * JOINTS + 6 + REACTIONS;
 constexpr bool READS_SENSOR = @UPPER@_READS_SENSOR;
 constexpr bool WEIGHS = @WEIGHS@;
 // Where the task begins [rad or m].
-constexpr std::array<double, JOINTS> START{@START@};
+constexpr std::array<double, JOINTS> START @UPPER@_START;
 constexpr std::array<const char *, 6> WRENCH{"force.x", "force.y", "force.z",
                                              "torque.x", "torque.y", "torque.z"};
-constexpr std::array<const char *, 11> STATES{
+constexpr std::array<const char *, 12> STATES{
   "running", "done", "failed", "stopped", "attempts", "unknown",
-  "unanswered", "diverged", "bad_sample", "bad_stamp", "lost"};
+  "unanswered", "diverged", "bad_sample", "bad_stamp", "lost", "not_started"};
 
 class Controller : public controller_interface::ControllerInterface
 {
@@ -163,10 +163,8 @@ public:
     @NAME@_bear(task_, lost_);
     started_ = false;
     unread_ = unwritten_ = 0;
-    skipped_ = 0;
     const std::lock_guard<std::mutex> lock(mutex_);
     status_ = @NAME@_status(task_);
-    lost_so_far_ = 0;
     active_ = true;
     return CallbackReturn::SUCCESS;
   }
@@ -189,17 +187,13 @@ public:
       started_ = true;
     }
     @NAME@_step(task_, &input_, &output_);
-    skipped_ += output_.lost;
     for (std::size_t i = 0; i < JOINTS; ++i) {
       efforts_now_[i] = output_.torque[i];
       if (compensated_) efforts_now_[i] -= gravity_[i];
     }
     unwritten_ = write() ? 0 : unwritten_ + 1;
     const std::unique_lock<std::mutex> lock(mutex_, std::try_to_lock);
-    if (lock) {
-      status_ = @NAME@_status(task_);
-      lost_so_far_ = skipped_;
-    }
+    if (lock) status_ = @NAME@_status(task_);
     // The task goes on to answer after its end: the arm comes to rest and is carried.
     return unwritten_ > lost_ ? return_type::ERROR : return_type::OK;
   }
@@ -317,15 +311,14 @@ private:
   {
     rclcpp::Publisher<DiagnosticStatus>::SharedPtr publisher;
     struct @NAME@_status now;
-    std::int64_t lost = 0;
     {
       const std::lock_guard<std::mutex> lock(mutex_);
       if (!active_ || !publisher_) return;
       publisher = publisher_;
       now = status_;
-      lost = lost_so_far_;
     }
-    const bool fine = now.state == @UPPER@_RUNNING || now.state == @UPPER@_DONE;
+    const bool fine = now.state == @UPPER@_RUNNING || now.state == @UPPER@_DONE ||
+                      now.state == @UPPER@_NOT_STARTED;
     DiagnosticStatus message;
     message.level = fine ? DiagnosticStatus::OK : DiagnosticStatus::ERROR;
     message.name = "@TITLE@";
@@ -336,7 +329,7 @@ private:
       {"stage", now.stage},
       {"event", now.event},
       {"ticks", std::to_string(now.ticks)},
-      {"lost", std::to_string(lost)}}};
+      {"lost", std::to_string(now.lost)}}};
     for (const auto & fact : facts) {
       diagnostic_msgs::msg::KeyValue entry;
       entry.key = fact[0];
@@ -364,7 +357,7 @@ private:
   double sign_ = 1.0, start_tolerance_ = 0.0;
   bool weighs_ = false, in_world_ = false, compensated_ = false, started_ = false;
   std::int32_t lost_ = 20, unread_ = 0, unwritten_ = 0;
-  std::int64_t begin_ = 0, skipped_ = 0;
+  std::int64_t begin_ = 0;
   std::vector<double> memory_;
   struct @NAME@ * task_ = nullptr;
   struct @NAME@_input input_{};
@@ -373,7 +366,6 @@ private:
   // Of what is published; the control loop never waits for it.
   std::mutex mutex_;
   struct @NAME@_status status_{};
-  std::int64_t lost_so_far_ = 0;
   std::int32_t logged_ = -1;
   bool active_ = false;
   rclcpp::Publisher<DiagnosticStatus>::SharedPtr publisher_;
