@@ -193,7 +193,7 @@ def test_it_starts_where_the_sample_of_the_initialization_is(instance) -> None:
 def test_a_sample_that_is_no_number_ends_the_task_by_name(instance, capfd) -> None:
     instance.initialize()
     instance.step(0, 5)
-    assert (instance.get("event"), instance.get("reason")) == ("", "")
+    assert (instance.get("event"), instance.get("reason")) == ("", "the task goes on")
     instance.set("velocity.joint2", math.nan)
     instance.step(5, 7)
     assert instance.get("state") == BAD_SAMPLE
