@@ -52,7 +52,8 @@ HERE = Path(__file__).resolve().parent
 Array = NDArray[np.float64]
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wno-unused-function")
-SANITIZED = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+_CHECKED = "-fsanitize=address,undefined,float-cast-overflow"
+SANITIZED = ("-g", _CHECKED, "-fno-sanitize-recover=all")
 #: Builds whose answers are held against those of the library, which gcc makes at -O2.
 BUILDS: Mapping[str, Sequence[str]] = {
     "clang": ("clang", "-O2", "-ffp-contract=off"),

@@ -24,7 +24,8 @@ from taskspec_runner.loop.sensing import Sensing
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-function")
-SANITIZED = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+_CHECKED = "-fsanitize=address,undefined,float-cast-overflow"
+SANITIZED = ("-g", _CHECKED, "-fno-sanitize-recover=all")
 #: A frame that is estimated and a sensor's zero; limits that collide; coordinates chosen again.
 TASKS = ("unknown-normal", "reach-limits", "ring")
 RUNNING, DONE, BAD_SAMPLE, BAD_STAMP, LOST = 0, 1, 8, 9, 10
@@ -61,22 +62,32 @@ def recorded(name: str) -> tuple[np.ndarray, np.ndarray, str]:
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory):
-    """Answers (ticks, n + 2) of the exported controller of a task, under sanitizers."""
+def built(tmp_path_factory):
+    """The program that drives the exported controller of a task, under sanitizers."""
     programs: dict[str, Path] = {}
 
-    def answers(name: str, samples: np.ndarray) -> np.ndarray:
+    def path(name: str) -> Path:
         if name not in programs:
             folder = tmp_path_factory.mktemp("c")
             made = controller_of(program(name))
             made.write(folder)
             defined = (f"-DNAME={made.name}", f'-DHEADER="{made.name}.h"', f"-I{folder}")
             files = (str(HERE / "drive.c"), f"{made.name}.c", "-o", "drive", "-lm")
-            command = ["gcc", *STRICT, *SANITIZED, "-O1", *defined, *files]
+            command = ["gcc", *STRICT, *SANITIZED, "-O0", *defined, *files]
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
             assert done.returncode == 0, done.stderr
             programs[name] = folder / "drive"
-        done = subprocess.run([programs[name]], input=samples.tobytes(), capture_output=True)
+        return programs[name]
+
+    return path
+
+
+@pytest.fixture(scope="module")
+def driven(built):
+    """Answers (ticks, n + 2) of the exported controller of a task."""
+
+    def answers(name: str, samples: np.ndarray) -> np.ndarray:
+        done = subprocess.run([built(name)], input=samples.tobytes(), capture_output=True)
         assert done.returncode == 0, done.stderr.decode()
         joints = program(name).context.robot.n
         return np.frombuffer(done.stdout).reshape(-1, joints + 2)
@@ -129,6 +140,47 @@ def test_lost_samples_are_ticks_on_the_last_one_up_to_what_is_borne(lost, state,
         assert found[30:].tobytes() == driven("ring", held)[30 + lost :].tobytes()
 
 
+#: What becomes of a number, and of the stamps from a tick on [s].
+NUMBERS = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e20, -1e20, 1e6, 5e-324, -5e-324, -0.0)
+STAMPS = (np.nan, np.inf, -np.inf, 1e300, -1e300, 1e9, 0.05, 0.0201, 0.002, 1e-9, 5e-324, -1e-3)
+
+
+def spoiled_at_random(number: int, ticks: int) -> np.ndarray:
+    """Samples that are spoiled, lost, repeated and out of order; the same for the same number."""
+    rng = np.random.default_rng(number)
+    samples = spoiled(ticks)
+    how_often = rng.choice([0.02, 0.1, 0.5])
+    for i in range(1, ticks):
+        if rng.random() >= how_often:
+            continue
+        kind = rng.integers(4)
+        if kind == 0:
+            samples[i, rng.integers(samples.shape[1])] = rng.choice(NUMBERS)
+        elif kind == 1 and np.isfinite(samples[i:, -1]).all():
+            samples[i:, -1] += rng.choice(STAMPS)
+        elif kind == 2:
+            samples[i] = samples[rng.integers(ticks)]
+        else:
+            samples[i, rng.random(samples.shape[1]) < 0.3] = rng.choice(NUMBERS)
+    return samples
+
+
+def test_whatever_comes_no_torque_is_not_a_number_and_an_end_is_one(driven) -> None:
+    ends = set()
+    for number in range(60):
+        samples = spoiled_at_random(number, 150)
+        found = driven("ring", samples)
+        assert len(found) == len(samples)
+        assert np.isfinite(found[:, :-2]).all(), number
+        states = found[:, -2]
+        over = np.flatnonzero(states != RUNNING)
+        if over.size:
+            assert set(states[over[0] :]) == {states[over[0]]}, number
+            ends.add(int(states[over[0]]))
+    assert {BAD_SAMPLE, BAD_STAMP, LOST} <= ends
+    assert ends <= set(range(1, 11))
+
+
 def test_the_stop_takes_motion_away(driven) -> None:
     """From an end on the torques carry the arm: at rest they are its gravity terms."""
     samples = spoiled(60)
@@ -141,6 +193,31 @@ def test_the_stop_takes_motion_away(driven) -> None:
     parts.machine.q[:], parts.machine.v[:] = samples[59, :7], 0.0
     parts.machine.update_terms()
     assert found[59, :7] == pytest.approx(parts.machine.terms.gravity, abs=1e-9)
+
+
+def test_an_arm_whose_task_has_ended_comes_to_rest(built) -> None:
+    made = program("ring")
+    parts = assemble(made)
+    machine, plant = parts.machine, parts.plant
+    sensing = Sensing(plant.arm, plant.views.equations, machine)
+    speeds, states = [], []
+    with subprocess.Popen([built("ring")], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as driver:
+        for tick in range(1500):
+            sensing.read()
+            clock = tick * made.context.period if tick != 800 else np.nan
+            reactions = machine.reactions if machine.reactions.size else np.zeros(1)
+            driver.stdin.write(
+                np.concatenate([machine.q, machine.v, machine.wrench, reactions, [clock]]).tobytes()
+            )
+            driver.stdin.flush()
+            answer = np.frombuffer(driver.stdout.read(8 * (len(machine.q) + 2)))
+            plant.step(answer[:-2])
+            speeds.append(np.abs(machine.v).max())
+            states.append(answer[-2])
+        driver.stdin.close()
+    assert states[799:801] == [RUNNING, BAD_SAMPLE]
+    assert speeds[800] > 0.05
+    assert speeds[-1] < 1e-4
 
 
 def test_the_command_line_exports_and_judges(tmp_path, monkeypatch) -> None:
@@ -166,6 +243,19 @@ def test_what_is_no_library_is_an_error(tmp_path) -> None:
     (tmp_path / "a.so").write_text("no library\n")
     with pytest.raises(InputError, match="is no library of the task 'ring'"):
         InLibrary(tmp_path / "a.so", program("ring"))
+
+
+def test_the_header_says_how_large_an_instance_is(tmp_path) -> None:
+    for name in TASKS:
+        made = controller_of(program(name))
+        made.write(tmp_path)
+        fits = f"{made.bytes} == sizeof(struct {made.name})"
+        size = f'#include "{made.name}.c"\nint fits[{fits} ? 1 : -1];\n'
+        (tmp_path / "size.c").write_text(size)
+        command = ["gcc", *STRICT, "-fsyntax-only", "-Wno-unused-function", "size.c"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        assert f"_BYTES {made.bytes}\n" in made.header
 
 
 def test_the_header_is_one_of_cpp_as_well(tmp_path) -> None:

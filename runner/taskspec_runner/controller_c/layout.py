@@ -14,6 +14,8 @@ from taskspec.native.kernel import Kind, Record
 from taskspec.native.kernel_c import number, record_name
 from taskspec.program.evaluation import Evaluation
 
+#: Fields of the C of an evaluation: which function, its arguments, its results.
+EVALUATION_FIELDS = 3
 #: Kinds of vectors: what the instance calls the block that they lie in, and their type in it.
 _BLOCKS = {
     Kind.VECTOR: ("numbers", np.float64, "double"),
@@ -143,6 +145,19 @@ class Layout:
             f"double *results[{max(len(self.results), 1)}]",
             *records,
         ]
+
+    @property
+    def bytes(self) -> int:
+        """Of `members`, where pointers have 64 bits."""
+        blocks = sum(-(-max(b.values.nbytes, b.values.itemsize) // 8) for b in self.blocks.values())
+        pointers = max(len(self.arguments), 1) + max(len(self.results), 1)
+        # Each field has 64 bits.
+        records = sum(
+            len(records) * (EVALUATION_FIELDS if name == "Evaluation" else len(records[0].fields))
+            for name, records in self.records.items()
+            if records
+        )
+        return 8 * (blocks + pointers + records)
 
     def place_of(self, record: Record) -> str:
         """A record in the instance `m`."""

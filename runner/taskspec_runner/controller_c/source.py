@@ -23,7 +23,7 @@ from taskspec.program.execution.exits import repeats
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, exits
 from taskspec.program.program import Program
-from taskspec_runner.controller_c.layout import Layout
+from taskspec_runner.controller_c.layout import EVALUATION_FIELDS, Layout
 
 _FOLDER = Path(__file__).parent / "c"
 _EVALUATION = """\
@@ -33,6 +33,9 @@ struct Evaluation {
     double *const *results;
 };
 static void ts_evaluate(struct Evaluation *f);"""
+#: Members of an instance beside those of the layout [bytes]: an evaluation of nothing, two
+#: addresses, three numbers of 64 bits and three of 32, after which there is as much room.
+_OWN_BYTES = 8 * (EVALUATION_FIELDS + 2 + 3 + 2)
 #: What the machine calls of the kernel.
 _KERNEL = (
     *(controller.start, controller.control, controller.open_stage, controller.leave),
@@ -48,14 +51,14 @@ class Controller:
         name: what its functions and types begin with.
         digest: SHA-256 of what it is made of, in hexadecimal.
         header, source: texts of its two files.
-        numbers: doubles of one instance.
+        bytes: of one instance, where pointers have 64 bits.
     """
 
     name: str
     digest: str
     header: str
     source: str
-    numbers: int
+    bytes: int
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """Writes NAME.h and NAME.c; their paths.
@@ -96,8 +99,7 @@ def controller_of(program: Program) -> Controller:
     made_of = "\n".join((text, *(f"{key} {part}" for key, part in sorted(parts.items()))))
     parts["HASH"] = digest = hashlib.sha256(made_of.encode()).hexdigest()
     header = _filled((_FOLDER / "controller.h").read_text(encoding="utf-8"), parts)
-    numbers = len(layout.blocks[Kind.VECTOR].values)
-    return Controller(name, digest, header, _filled(text, parts), numbers)
+    return Controller(name, digest, header, _filled(text, parts), int(facts["BYTES"]))
 
 
 def identifier(name: str) -> str:
@@ -202,6 +204,7 @@ def _facts(program: Program, machine: Machine, name: str, layout: Layout) -> dic
         "UPPER": name.upper(),
         "TITLE": loaded.task.name,
         "VERSION": version("taskspec-robotics"),
+        "BYTES": str(layout.bytes + _OWN_BYTES),
         "JOINTS": str(robot.n),
         "JOINT_NAMES": joints,
         "REACTIONS": str(len(context.equations)),

@@ -69,6 +69,9 @@ struct @NAME@ {
 
 const char *@NAME@_task(void) { return "@HASH@"; }
 
+/* Does not compile where an instance is larger than the header says. */
+typedef char ts_instance_fits[sizeof(struct @NAME@) <= @UPPER@_BYTES ? 1 : -1];
+
 uint64_t @NAME@_size(void) { return sizeof(struct @NAME@); }
 
 struct @NAME@ *@NAME@_init(void *memory)
@@ -99,12 +102,12 @@ void @NAME@_bear(struct @NAME@ *m, int32_t lost) { m->bears = lost; }
 /* Takes what a sample measures; whether its numbers are finite. */
 static bool host_take(struct @NAME@ *m, const struct @NAME@_input *in)
 {
-    double sum = in->stamp;
+    bool finite = isfinite(in->stamp);
     int i;
-    for (i = 0; i < @JOINTS@; i++) sum += 0.0 * in->q[i] + 0.0 * in->v[i];
-    for (i = 0; i < 6; i++) sum += 0.0 * in->wrench[i];
-    for (i = 0; i < @REACTIONS@; i++) sum += 0.0 * in->reactions[i];
-    if (!isfinite(sum)) return false;
+    for (i = 0; i < @JOINTS@; i++) finite = finite && isfinite(in->q[i]) && isfinite(in->v[i]);
+    for (i = 0; i < 6; i++) finite = finite && isfinite(in->wrench[i]);
+    for (i = 0; i < @REACTIONS@; i++) finite = finite && isfinite(in->reactions[i]);
+    if (!finite) return false;
     for (i = 0; i < @JOINTS@; i++) {
         m->now->q[i] = in->q[i];
         m->now->v[i] = in->v[i];
@@ -112,6 +115,17 @@ static bool host_take(struct @NAME@ *m, const struct @NAME@_input *in)
     for (i = 0; i < 6; i++) m->wrench[i] = in->wrench[i];
     for (i = 0; i < @REACTIONS@; i++) m->now->reactions[i] = in->reactions[i];
     return true;
+}
+
+/* Takes the torques before instead of some that are not finite: an arm that is sane has none. */
+static void host_check(struct @NAME@ *m)
+{
+    bool finite = true;
+    int i;
+    for (i = 0; i < @JOINTS@; i++) finite = finite && isfinite(m->now->torque[i]);
+    if (finite) return;
+    for (i = 0; i < @JOINTS@; i++) m->now->torque[i] = m->now->torque_before[i];
+    if (m->state == @UPPER@_RUNNING) m->state = @UPPER@_DIVERGED;
 }
 
 static int32_t host_answer(struct @NAME@ *m, struct @NAME@_output *out, int32_t lost)
@@ -126,12 +140,15 @@ static int32_t host_answer(struct @NAME@ *m, struct @NAME@_output *out, int32_t 
 
 void @NAME@_start(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAME@_output *out)
 {
+    int i;
     if (!host_take(m, in)) {
         m->state = @UPPER@_BAD_SAMPLE;
     } else {
         m->begin = in->stamp;
         m->stamp = in->stamp - @UPPER@_PERIOD;
         start(m->now);
+        for (i = 0; i < @JOINTS@; i++) m->now->torque_before[i] = 0.0;
+        host_check(m);
     }
     host_answer(m, out, 0);
 }
@@ -183,10 +200,14 @@ int32_t @NAME@_step(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAM
             if (lost > m->bears) m->state = @UPPER@_LOST;
         }
     }
-    for (i = 0; i < lost && m->state == @UPPER@_RUNNING; i++) host_tick(m);
+    for (i = 0; i < lost && m->state == @UPPER@_RUNNING; i++) {
+        host_tick(m);
+        host_check(m);
+    }
     if (!host_take(m, in) && m->state == @UPPER@_RUNNING) m->state = @UPPER@_BAD_SAMPLE;
     if (m->state == @UPPER@_RUNNING) host_tick(m);
     else stop(m->now);
+    host_check(m);
     return host_answer(m, out, lost);
 }
 

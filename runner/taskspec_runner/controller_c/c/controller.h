@@ -27,6 +27,8 @@ extern "C" {
 #define @UPPER@_JOINTS @JOINTS@
 #define @UPPER@_REACTIONS @REACTIONS@
 #define @UPPER@_STAGES @STAGES@
+/* Of an instance, where pointers have 64 bits; with smaller ones it needs less. It never grows. */
+#define @UPPER@_BYTES @BYTES@
 /* Of control [s]. */
 #define @UPPER@_PERIOD @PERIOD@
 /* Whether the wrench is a reading, from which weight and zero are still to be taken. */
@@ -77,7 +79,7 @@ struct @NAME@;
 
 /* What the controller is made of, as above. */
 const char *@NAME@_task(void);
-/* Bytes of an instance; it is to be aligned as a double is. */
+/* Bytes of an instance, @UPPER@_BYTES or less; it is to be aligned as a double is. */
 uint64_t @NAME@_size(void);
 /* Prepares an instance in memory of that size. */
 struct @NAME@ *@NAME@_init(void *memory);
