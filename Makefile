@@ -112,6 +112,7 @@ bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a chan
 	$(BIN)/python benchmarks/bench_stages.py
 	$(BIN)/python benchmarks/bench_validate.py
 	$(BIN)/python benchmarks/bench_exact.py
+	$(BIN)/python benchmarks/bench_exported.py
 
 scene:  ## the script of the scene in pages, from runner/taskspec_runner/scene/js; needs npm
 	cd runner/taskspec_runner/scene/js && npm ci --no-audit --no-fund && npm run build

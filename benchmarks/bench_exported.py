@@ -38,7 +38,7 @@ from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.sensing import Sensing
 
 TASKS = Path(__file__).resolve().parent.parent / "tasks"
-ROUNDS = 15
+ROUNDS = 100
 #: How many times the time of the native loop's code the C may take.
 MOST = 1.1
 Array = NDArray[np.float64]
@@ -199,7 +199,10 @@ def main(wanted: list[str]) -> int:
         program = compile_task(load_task(path), force=True)
         samples = recorded(program)
         with tempfile.TemporaryDirectory() as folder:
-            both = ByMachineCode(program), ByC(program, Path(folder))
+            both: tuple[ByMachineCode | ByC, ...] = (
+                ByMachineCode(program),
+                ByC(program, Path(folder)),
+            )
             torques = np.zeros((2, len(samples), program.context.robot.n))
             rounds = [
                 [each.run(samples, out) for each, out in zip(both, torques, strict=True)]
