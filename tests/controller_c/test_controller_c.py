@@ -18,11 +18,13 @@ from taskspec_runner.controller_c.source import controller_of, identifier
 from taskspec_runner.errors import InputError
 from taskspec_runner.link.library import ControllerLibrary, InLibrary
 from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.sensing import Sensing
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-function")
-SANITIZED = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+_CHECKED = "-fsanitize=address,undefined,float-cast-overflow"
+SANITIZED = ("-g", _CHECKED, "-fno-sanitize-recover=all")
 #: A frame that is estimated and a sensor's zero; limits that collide; coordinates chosen again.
 TASKS = ("unknown-normal", "reach-limits", "ring")
 RUNNING, DONE, STOPPED, BAD_SAMPLE, BAD_STAMP, LOST, NOT_STARTED = 0, 1, 3, 8, 9, 10, 11
@@ -31,11 +33,11 @@ pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory):
-    """Answers (ticks, n + 2) of the exported controller of a task, under sanitizers."""
+def built(tmp_path_factory):
+    """The program that drives the exported controller of a task, under sanitizers."""
     programs: dict[str, Path] = {}
 
-    def answers(name: str, samples: np.ndarray) -> np.ndarray:
+    def path(name: str) -> Path:
         if name not in programs:
             folder = tmp_path_factory.mktemp("c")
             made = controller_of(program(name))
@@ -46,7 +48,17 @@ def driven(tmp_path_factory):
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
             assert done.returncode == 0, done.stderr
             programs[name] = folder / "drive"
-        done = subprocess.run([programs[name]], input=samples.tobytes(), capture_output=True)
+        return programs[name]
+
+    return path
+
+
+@pytest.fixture(scope="module")
+def driven(built):
+    """Answers (ticks, n + 2) of the exported controller of a task."""
+
+    def answers(name: str, samples: np.ndarray) -> np.ndarray:
+        done = subprocess.run([built(name)], input=samples.tobytes(), capture_output=True)
         assert done.returncode == 0, done.stderr.decode()
         joints = program(name).context.robot.n
         return np.frombuffer(done.stdout).reshape(-1, joints + 2)
@@ -192,6 +204,47 @@ def test_the_header_has_units_frames_signs_stages_and_limits(name, lines) -> Non
         assert " ".join(line.split()) in header
 
 
+#: What becomes of a number, and of the stamps from a tick on [s].
+NUMBERS = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e20, -1e20, 1e6, 5e-324, -5e-324, -0.0)
+STAMPS = (np.nan, np.inf, -np.inf, 1e300, -1e300, 1e9, 0.05, 0.0201, 0.002, 1e-9, 5e-324, -1e-3)
+
+
+def spoiled_at_random(number: int, ticks: int) -> np.ndarray:
+    """Samples that are spoiled, lost, repeated and out of order; the same for the same number."""
+    rng = np.random.default_rng(number)
+    samples = spoiled(ticks)
+    how_often = rng.choice([0.02, 0.1, 0.5])
+    for i in range(1, ticks):
+        if rng.random() >= how_often:
+            continue
+        kind = rng.integers(4)
+        if kind == 0:
+            samples[i, rng.integers(samples.shape[1])] = rng.choice(NUMBERS)
+        elif kind == 1 and np.isfinite(samples[i:, -1]).all():
+            samples[i:, -1] += rng.choice(STAMPS)
+        elif kind == 2:
+            samples[i] = samples[rng.integers(ticks)]
+        else:
+            samples[i, rng.random(samples.shape[1]) < 0.3] = rng.choice(NUMBERS)
+    return samples
+
+
+def test_whatever_comes_no_torque_is_not_a_number_and_an_end_is_one(driven) -> None:
+    ends = set()
+    for number in range(60):
+        samples = spoiled_at_random(number, 150)
+        found = driven("ring", samples)
+        assert len(found) == len(samples)
+        assert np.isfinite(found[:, :-2]).all(), number
+        states = found[:, -2]
+        over = np.flatnonzero(states != RUNNING)
+        if over.size:
+            assert set(states[over[0] :]) == {states[over[0]]}, number
+            ends.add(int(states[over[0]]))
+    assert {BAD_SAMPLE, BAD_STAMP, LOST} <= ends
+    assert ends <= set(range(1, 11))
+
+
 def test_the_stop_takes_motion_away(driven) -> None:
     """From an end on the torques carry the arm: at rest they are its gravity terms."""
     samples = spoiled(60)
@@ -204,6 +257,31 @@ def test_the_stop_takes_motion_away(driven) -> None:
     parts.machine.q[:], parts.machine.v[:] = samples[59, :7], 0.0
     parts.machine.update_terms()
     assert found[59, :7] == pytest.approx(parts.machine.terms.gravity, abs=1e-9)
+
+
+def test_an_arm_whose_task_has_ended_comes_to_rest(built) -> None:
+    made = program("ring")
+    parts = assemble(made)
+    machine, plant = parts.machine, parts.plant
+    sensing = Sensing(plant.arm, plant.views.equations, machine)
+    speeds, states = [], []
+    with subprocess.Popen([built("ring")], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as driver:
+        for tick in range(1500):
+            sensing.read()
+            clock = tick * made.context.period if tick != 800 else np.nan
+            reactions = machine.reactions if machine.reactions.size else np.zeros(1)
+            driver.stdin.write(
+                np.concatenate([machine.q, machine.v, machine.wrench, reactions, [clock]]).tobytes()
+            )
+            driver.stdin.flush()
+            answer = np.frombuffer(driver.stdout.read(8 * (len(machine.q) + 2)))
+            plant.step(answer[:-2])
+            speeds.append(np.abs(machine.v).max())
+            states.append(answer[-2])
+        driver.stdin.close()
+    assert states[799:801] == [RUNNING, BAD_SAMPLE]
+    assert speeds[800] > 0.05
+    assert speeds[-1] < 1e-4
 
 
 def test_the_command_line_exports_and_judges(tmp_path, monkeypatch) -> None:

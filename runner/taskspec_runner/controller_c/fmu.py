@@ -223,7 +223,12 @@ def _variables(program: Program, controller: Controller) -> list[FmuVariable]:
         FmuVariable("stage", "Enumeration", "output", "in which it is, or ended", declared="Stage"),
         FmuVariable("lost_samples", "Int64", "parameter", text, bears[1]),
         FmuVariable("event", "String", "output", "short name of what ended the task, or empty"),
-        FmuVariable("reason", "String", "output", "why the task has ended, or that it goes on, as a sentence"),
+        FmuVariable(
+            "reason",
+            "String",
+            "output",
+            "why the task has ended, or that it goes on, as a sentence",
+        ),
     ]
 
 

@@ -46,8 +46,12 @@ class ControllerLibrary:
     """One instance of an exported controller.
 
     Attributes:
+        memory: (bytes,) of the instance.
+        sample: the numbers of the input, in their order in the header.
+        q, v, wrench, reactions: of the sample.
         torque: (n,) of the last answer [N m, N].
         state: of the last answer, 0 while the task goes on.
+        stage: of the last answer.
     """
 
     def __init__(self, path: Path, controller: Controller, joints: int, reactions: int) -> None:
@@ -99,27 +103,33 @@ class ControllerLibrary:
         for part in ("start", "step"):
             functions[part].argtypes = [pointer] * 3
         self._start, self._step = functions["start"], functions["step"]
-        self._memory = ctypes.create_string_buffer(functions["size"]() + 16)
-        aligned = -ctypes.addressof(self._memory) % 16 + ctypes.addressof(self._memory)
-        self._instance = functions["init"](aligned)
+        # Of doubles, as which it is to be aligned.
+        self.memory = np.zeros(-(-functions["size"]() // 8)).view(np.uint8)
+        self._instance = functions["init"](self.memory.ctypes.data)
         # The structures of the header hold doubles, and three integers at last.
-        self._sample = np.zeros(2 * joints + 6 + max(reactions, 1) + 1)
+        self.sample = np.zeros(2 * joints + 6 + max(reactions, 1) + 1)
         ends = np.cumsum([joints, joints, 6, reactions])
-        self.q, self.v, self.wrench, self.reactions, _ = np.split(self._sample, ends)
+        self.q, self.v, self.wrench, self.reactions, _ = np.split(self.sample, ends)
         self._answer = np.zeros(8 * joints + 16, dtype=np.uint8)
         self.torque = self._answer[: 8 * joints].view(np.float64)
-        self._state = self._answer[8 * joints : 8 * joints + 4].view(np.int32)
+        self._given = self._instance, self.sample.ctypes.data, self._answer.ctypes.data
+        self._ends = self._answer[8 * joints :].view(np.int32)
 
     @property
     def state(self) -> int:
         """Of the last answer, 0 while the task goes on."""
-        return int(self._state[0])
+        return int(self._ends[0])
+
+    @property
+    def stage(self) -> int:
+        """Number of the stage of the last answer."""
+        return int(self._ends[1])
 
     def answer(self, stamp: float, *, first: bool = False) -> None:
         """Has the controller answer the sample that is written, at a time [s]."""
-        self._sample[-1] = stamp
+        self.sample[-1] = stamp
         called = self._start if first else self._step
-        called(self._instance, self._sample.ctypes.data, self._answer.ctypes.data)
+        called(*self._given)
 
 
 class LibraryPlant:
