@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
-.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native designs equivalence truth tsid referee check
+.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs equivalence truth tsid referee check
 .PHONY: clean bounds
 
 demo: $(READY)  ## run the wiping task and say where its report is
@@ -73,6 +73,9 @@ equivalence: $(READY)  ## hold the tree against commit BASE: shipped and 200 ran
 native: $(READY)  ## hold both tiers of the native loop against Python's: shipped and 200 random tasks
 	$(BIN)/python campaigns/native.py
 
+exported: $(READY)  ## every shipped task as C: logs of 10 million ticks, other builds, worst ticks; docs/c.md
+	$(BIN)/python campaigns/exported.py --ticks 10000000 --table docs/c.md
+
 designs: $(READY)  ## sampled loops of 1440 tasks with mechanisms, whose designed gains are to be stable; docs/designed-gains.md
 	$(BIN)/python campaigns/mechanism_tasks.py --tasks 1080 --page docs/designed-gains.md
 
@@ -109,6 +112,7 @@ bench: $(READY)  ## what control costs, as multiples of bare mj_step, and a chan
 	$(BIN)/python benchmarks/bench_stages.py
 	$(BIN)/python benchmarks/bench_validate.py
 	$(BIN)/python benchmarks/bench_exact.py
+	$(BIN)/python benchmarks/bench_exported.py
 
 scene:  ## the script of the scene in pages, from runner/taskspec_runner/scene/js; needs npm
 	cd runner/taskspec_runner/scene/js && npm ci --no-audit --no-fund && npm run build
@@ -140,7 +144,7 @@ check: lint types schema validate test
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip
-	$(BIN)/pip install --quiet --editable '.[dev,docs]'
+	$(BIN)/pip install --quiet --no-compile --editable '.[dev,docs]'
 	touch $(READY)
 
 clean:

@@ -10,6 +10,7 @@ DISTRIBUTION = "taskspec-robotics"
 #: Extras of the distribution by the libraries that they bring; it always brings the others.
 EXTRAS = {
     "distributed": "dask",
+    "fmpy": "fmu",
     "imageio_ffmpeg": "video",
     "mcap": "mcap",
     "osqp": "osqp",

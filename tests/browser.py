@@ -51,20 +51,20 @@ class BrowserError(RuntimeError):
 
 
 class Browser:
-    """A browser with one page.
+    """A browser with one page, started with further flags if there are any.
 
     Attributes:
         errors: what the page has thrown or written as errors since it was opened.
     """
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, *flags: str) -> None:
         self.errors: list[str] = []
         self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         commands, self._out = os.pipe()
         self._in, answers = os.pipe()
         shim = [sys.executable, "-c", _AS_3_AND_4, str(commands), str(answers), path]
         self._process = subprocess.Popen(
-            [*shim, *_FLAGS, f"--user-data-dir={self._profile.name}", "about:blank"],
+            [*shim, *_FLAGS, *flags, f"--user-data-dir={self._profile.name}", "about:blank"],
             pass_fds=(commands, answers),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

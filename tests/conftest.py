@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -33,6 +34,10 @@ from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.record.history import History
 from taskspec_runner.record.log import Log
+
+# What a shell starts in the background ignores Ctrl-C, and so would all that tests start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Nor does this process rewrite the assertions of all files anew: that is half of collecting them.
 sys.dont_write_bytecode = False

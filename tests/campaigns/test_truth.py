@@ -38,7 +38,7 @@ def test_a_file_is_its_seed_and_number() -> None:
 def test_the_files_are_such_of_the_language(tmp_path: Path) -> None:
     """What is refused by its text alone is not run, and says nothing of predictions."""
     write_companions(tmp_path)
-    for number in range(300):
+    for number in range(100):
         load_text(truth_task(0, number), "task.yaml", base=tmp_path)
 
 

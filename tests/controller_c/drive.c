@@ -29,6 +29,7 @@ int main(void)
         answer[n] = out.state;
         answer[n + 1] = out.stage;
         fwrite(answer, sizeof(double), n + 2, stdout);
+        fflush(stdout);
     }
     free(memory);
     return 0;

@@ -125,7 +125,7 @@ def test_any_welcome_is_taken_or_refused(path: tuple[str, ...]) -> None:
         thread = threading.Thread(target=plant.answer)
         thread.start()
         try:
-            robot = UdpRobot(plant.url, patience=0.3)
+            robot = UdpRobot(plant.url, patience=0.1)
         except InputError as error:
             told += 1
             texts = str(error).splitlines()

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from meeting import ROOT, TOUCH, Serving, drive, drive_at, log_bytes, program_of, shipped, spoilt
 
+from taskspec_runner.controller_c.fmu import NoBinaryError, fmu_of
 from taskspec_runner.errors import LinkError
 from taskspec_runner.link import packets
 from taskspec_runner.link.packets import Packet
@@ -70,6 +71,28 @@ def test_both_clients_are_one_law(tmp_path: Path) -> None:
     n = min(map(len, forces))
     # They sum in another order: what differs is rounding, and what a stiff contact makes of it.
     assert np.abs(forces[0][:n] - forces[1][:n]).max() < 1e-3
+
+
+def test_fmpy_couples_the_fmu_of_a_task_to_its_plant(tmp_path: Path) -> None:
+    """Its torques are the machine's to the bit: so are the bytes of the log."""
+    pytest.importorskip("fmpy")
+    program, path = program_of("wipe-table"), tmp_path / "wipe_table.fmu"
+    made = fmu_of(program)
+    try:
+        path.write_bytes(made.to_bytes(made.binary()))
+    except NoBinaryError as error:
+        pytest.skip(str(error))
+    plain = execute_program(program, tmp_path / "plain", report=False)
+    options = ServerOptions(wait=60.0, answer=30.0)
+    with Serving("wipe-table", tmp_path / "run", options) as serving:
+        couple = [sys.executable, str(ROOT / "examples" / "fmu" / "couple.py"), str(path)]
+        done = subprocess.run(
+            [*couple, str(serving.port)], capture_output=True, text=True, timeout=120, check=True
+        )
+        run = serving.run
+    assert "stage 'retreat' led to end" in done.stdout
+    assert run.summary["link"]["name"] == "couple.py"
+    assert log_bytes(run) == log_bytes(plain)
 
 
 def test_rubbish_does_not_end_the_server(tmp_path: Path) -> None:

@@ -141,6 +141,13 @@ def test_what_decides_whether_a_change_passes_has_one_version():
         assert "==" in tools[name], name
 
 
+@pytest.mark.xdist_group("one process")
+def test_processes_take_tests_by_their_groups(request):
+    """Else all that tests share is made in each process; which versions do so is silent."""
+    by_groups = getattr(request.config.option, "loadgroup", False)
+    assert request.node.nodeid.endswith("@one process") == by_groups
+
+
 def test_actions_of_others_are_named_by_their_commits():
     """A tag may be moved to other code."""
     used = [

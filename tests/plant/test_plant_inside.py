@@ -31,12 +31,13 @@ PATCHES = {
 BALL = 0.012
 
 
-def distance_and_slope(shape, point):
+def distances_and_slopes(shape, points):
+    """Of points (3, n) the distances (n,) and their gradients (3, n)."""
     x = ca.SX.sym("x", 3)
     height = shape.height(x)
     at = ca.Function("at", [x], [height, ca.gradient(height, x)])
-    d, slope = at(point)
-    return float(d), np.array(slope).ravel()
+    d, slopes = at(points)
+    return np.array(d).ravel(), np.array(slopes)
 
 
 def found(shape, center, radius=BALL):
@@ -59,15 +60,21 @@ def test_a_ball_is_as_deep_as_it_is_near(name):
     by the 5 um that solids are rounded by.
     """
     shape, rng = PATCHES[name], np.random.default_rng(3)
-    touched, sides = 0, set()
+    centers = []
     for _ in range(3000):
         direction = rng.normal(size=3)
         center = direction / np.linalg.norm(direction) * rng.uniform(0.6, 1.2) * RADIUS
         if rng.random() < 0.3 and shape.straight is not None:
             center[2] = rng.choice([-1, 1]) * rng.uniform(0.13, 0.17)
-        d, slope = distance_and_slope(shape, center)
+        centers.append(center)
+    distances, slopes = distances_and_slopes(shape, np.array(centers).T)
+    touched, sides = 0, set()
+    for i, (center, d, slope) in enumerate(zip(centers, distances, slopes.T, strict=True)):
         # Where the centre itself is inside, and where two features are equally near.
         if d < 1e-3 or np.linalg.norm(slope) < 0.99:
+            continue
+        # Most are far off, where there is nothing to find: a few of those are enough.
+        if d > 2 * BALL and i % 20:
             continue
         hit = found(shape, center)
         if d > BALL + 1e-5:

@@ -180,7 +180,7 @@ def test_a_mesh_has_smooth_parts():
     assert body.parts.max() == 0
     mesh, ball = Mesh(np.zeros(3), np.eye(3), body), Sphere(np.zeros(3), np.eye(3), 0.2)
     rng = np.random.default_rng(4)
-    for _ in range(50):
+    for _ in range(20):
         x = rng.normal(size=3)
         x *= 0.21 / np.linalg.norm(x)
         one, other = (

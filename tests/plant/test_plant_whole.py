@@ -431,10 +431,10 @@ def test_a_small_ball_is_as_deep_as_the_distance_says(kind, sizes, of_plant):
     distance = ca.Function("distance", [x], [surface.distance(x)])
     rng, ball = np.random.default_rng(3), 0.0005
     tool = (overlap.BALL, (ball, ball, ball))
+    rig = Rig(of_plant[0], of_plant[1], tool, joints="x", rounding=1e-9)
     touched = 0
     for _ in range(400):
         place = rng.uniform((-0.04, -0.03, -0.025), (0.04, 0.03, 0.002))
-        rig = Rig(of_plant[0], of_plant[1], tool, joints="x", rounding=1e-9)
         # The rig's tool stands on its tip.
         rig.model.body_pos[1][:] = place - [0, 0, ball]
         mujoco.mj_forward(rig.model, rig.data)

@@ -27,7 +27,7 @@ GOALS = (
     "[posture, joint-limits, manipulability]",
 )
 HOLDING = [law for law, facts in LAWS.items() if facts.holds_null_space]
-STATES = 1000
+STATES = 400
 N = 7
 
 

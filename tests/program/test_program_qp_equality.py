@@ -14,8 +14,8 @@ from taskspec.program.limits.relaxing import relax
 CASES = [
     (law, robot) for k, law in enumerate(LAWS) for robot in ("panda", ("ur5e", "planar3")[k % 2])
 ]
-#: 20 cases of these make 10 000 states.
-STATES = 150
+#: Random states of each of the 20 cases.
+STATES = 75
 #: What OSQP is asked for, absolute and relative (`control/qp/osqp.py`).
 ASKED = 1e-8
 

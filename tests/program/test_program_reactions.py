@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from taskspec.compiler import compile_task
-from taskspec.program.execution.machine import RESTS
+from taskspec.program.execution.exits import RESTS
 from taskspec.spec import load_text
 from taskspec.spec.limits import Bound
 from taskspec.text.diagnostic import SpecError

@@ -269,6 +269,8 @@ def test_interrupted_run_is_readable_and_judged(
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        # Under nohup the end of a session is ignored.
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),
     )
     log = Path("out/log.arrow")
     deadline = time.monotonic() + 60

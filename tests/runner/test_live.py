@@ -76,17 +76,9 @@ def answer(url: str, *, method: str = "GET", **headers: str) -> tuple[int, str]:
 
 @contextmanager
 def started(command: list[str], folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """A command that serves a page, and is interrupted by SIGINT whoever started these tests."""
+    """A command that serves a page."""
     pipe = subprocess.PIPE
-    with subprocess.Popen(
-        command,
-        stdout=pipe,
-        stderr=pipe,
-        text=True,
-        cwd=folder,
-        # What a shell starts in the background ignores it, and so would this.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    ) as process:
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=folder) as process:
         try:
             yield process
         finally:

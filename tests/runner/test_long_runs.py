@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,11 +26,24 @@ from taskspec_runner.pages import decimate, samples
 from taskspec_runner.record import file_array, mapped
 from taskspec_runner.record.history import HistoryBuilder, column_field
 from taskspec_runner.report.page import render
+from taskspec_runner.result import RunResult
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute
 from taskspec_runner.verdict.replay import Replay
 
 TASKS = Path(__file__).resolve().parents[2] / "tasks"
+
+
+@pytest.fixture(scope="module")
+def shipped(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], RunResult]:
+    """Runs of shipped tasks as they are, by name, each made once."""
+    folder = tmp_path_factory.mktemp("shipped")
+
+    @cache
+    def run(name: str) -> RunResult:
+        return execute(load_task(TASKS / f"{name}.yaml"), folder / name, report=False)
+
+    return run
 
 
 @pytest.fixture
@@ -43,10 +58,10 @@ def spilled(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", ["wipe-table", "crank", "unknown-normal", "press-qp", "conveyor"])
 def test_numbers_are_those_of_a_run_in_memory(
-    name: str, tmp_path: Path, request: pytest.FixtureRequest
+    name: str, shipped: Callable[[str], RunResult], tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     """Verdicts, metrics, findings and the page: byte for byte, through run and reader."""
-    plain = execute(load_task(TASKS / f"{name}.yaml"), tmp_path / "plain", report=False)
+    plain = shipped(name)
     said = render(Run.load(plain.folder))
     request.getfixturevalue("spilled")
     long = execute(load_task(TASKS / f"{name}.yaml"), tmp_path / "long", report=False)
@@ -62,10 +77,10 @@ def test_numbers_are_those_of_a_run_in_memory(
 
 @pytest.mark.parametrize("name", ["wipe-table", "crank", "unknown-normal", "conveyor"])
 def test_signals_in_other_frames_do_not_depend_on_how_many_ticks_are_worked_on(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, shipped: Callable[[str], RunResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Frames that follow, turn with a handle, move or are estimated; sums over a visit, turns."""
-    run = execute(load_task(TASKS / f"{name}.yaml"), tmp_path / "run", report=False)
+    run = shipped(name)
     context, signals = run.program.context, {**VECTORS, **SCALARS}
 
     def values() -> dict[tuple[str, str | None, str], bytes]:

@@ -7,6 +7,8 @@ import json
 import re
 import shutil
 import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +38,15 @@ SPOILED = {
     "stopped": {"limits.force": "4 N"},
     "failed": {"stages.approach.until": "force.x > 50 N"},
 }
+
+
+@dataclass(frozen=True)
+class Looked:
+    """A page that is shown: its name, the size of the screen, the browser that shows it."""
+
+    name: str
+    size: tuple[int, int]
+    browser: Browser
 
 
 @pytest.fixture(scope="module")
@@ -81,19 +92,34 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return found
 
 
+@pytest.fixture(scope="module")
+def opened(request: pytest.FixtureRequest, browser: Browser, pages: dict[str, Path]) -> Looked:
+    """A page on a screen, drawn once for all tests that only look at it."""
+    name, size = request.param
+    return Looked(name, size, shown(browser, pages[name], size))
+
+
+def looking(
+    names: Sequence[str], sizes: Sequence[tuple[int, int]] = (DESKTOP,)
+) -> pytest.MarkDecorator:
+    """Parametrises a test by pages that it looks at and leaves as they are, as `opened`."""
+    screens = {DESKTOP: "desktop", PHONE: "phone"}
+    params = [
+        pytest.param((name, size), id=f"{name}-{screens[size]}") for name in names for size in sizes
+    ]
+    return pytest.mark.parametrize("opened", params, indirect=True)
+
+
 #: Times that stand at the axes of the charts, one text a chart.
 TIMES = """[...document.querySelectorAll("[data-chart] .plot > svg")].map(
     (svg) => [...svg.querySelectorAll("text.mid")].map((t) => t.textContent).join(" "))"""
 
 
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-@pytest.mark.parametrize(
-    "name", ["good", "missed", "stopped", "failed", "killed", "empty", "diff", "compare"]
+@looking(
+    ["good", "missed", "stopped", "failed", "killed", "empty", "diff", "compare"], [DESKTOP, PHONE]
 )
-def test_pages_are_drawn_without_an_error_and_fit(
-    browser: Browser, pages: dict[str, Path], name: str, size: tuple[int, int]
-) -> None:
-    shown(browser, pages[name], size)
+def test_pages_are_drawn_without_an_error_and_fit(opened: Looked) -> None:
+    browser = opened.browser
     assert browser.errors == []
     figures = browser.run("document.querySelectorAll('[data-chart]').length")
     drawn = browser.run(
@@ -103,18 +129,15 @@ def test_pages_are_drawn_without_an_error_and_fit(
     )
     assert drawn == figures
     # A run that failed before its contact has no chart of force; one without a log has none.
-    assert figures >= (0 if name == "empty" else 3)
+    assert figures >= (0 if opened.name == "empty" else 3)
     # Tables may be wider; they scroll by themselves.
     assert browser.run("document.documentElement.scrollWidth <= innerWidth")
     assert browser.run("document.body.innerText").strip()
 
 
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-@pytest.mark.parametrize("name", ["good", "missed", "stopped", "failed", "killed"])
-def test_the_verdict_is_seen_without_scrolling(
-    browser: Browser, pages: dict[str, Path], name: str, size: tuple[int, int]
-) -> None:
-    shown(browser, pages[name], size)
+@looking(["good", "missed", "stopped", "failed", "killed"], [DESKTOP, PHONE])
+def test_the_verdict_is_seen_without_scrolling(opened: Looked) -> None:
+    browser, size = opened.browser, opened.size
     box = browser.run("document.getElementById('verdict').getBoundingClientRect().toJSON()")
     assert 0 <= box["top"] < box["bottom"] <= size[1]
     assert 0 <= box["left"] < box["right"] <= size[0]
@@ -126,14 +149,14 @@ def test_the_verdict_is_seen_without_scrolling(
         "failed": "without force.x > 50 N",
         "killed": "Unfinished",
     }
-    assert said[name].replace("`", "") in text
+    assert said[opened.name].replace("`", "") in text
 
 
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@looking(["missed"], [DESKTOP, PHONE])
 def test_what_was_broken_first_is_named_with_its_time_and_drawn(
-    browser: Browser, pages: dict[str, Path], size: tuple[int, int]
+    opened: Looked, pages: dict[str, Path]
 ) -> None:
-    shown(browser, pages["missed"], size)
+    browser = opened.browser
     summary = json.loads((pages["missed"].parent / "summary.json").read_text())
     broken = [e for e in summary["expectations"] if e["broken"]]
     assert len(broken) == 2
@@ -152,8 +175,24 @@ def test_what_was_broken_first_is_named_with_its_time_and_drawn(
     assert browser.run(f"{main}.querySelectorAll('.plot .band.bad').length") == 2
 
 
-def test_a_stop_shows_the_chart_of_its_limit(browser: Browser, pages: dict[str, Path]) -> None:
-    shown(browser, pages["stopped"])
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_look_there_brings_the_chart_on_screen_from_anywhere(
+    browser: Browser, pages: dict[str, Path], size: tuple[int, int]
+) -> None:
+    shown(browser, pages["missed"], size)
+    browser.run("scrollTo(0, document.body.scrollHeight)")
+    browser.run("document.querySelector('.look').click()")
+    chart, bar = (
+        browser.run(f"document.querySelector('{of}').getBoundingClientRect().toJSON()")
+        for of in (".main [data-chart]", ".bar")
+    )
+    assert bar["bottom"] <= chart["top"]
+    assert chart["bottom"] <= size[1]
+
+
+@looking(["stopped"])
+def test_a_stop_shows_the_chart_of_its_limit(opened: Looked) -> None:
+    browser = opened.browser
     main = "document.querySelector('.main [data-chart]')"
     assert browser.run(f"{main}.dataset.chart") == "force"
     assert browser.run(f"{main}.querySelectorAll('.plot .upright.stop').length") == 1
@@ -161,10 +200,9 @@ def test_a_stop_shows_the_chart_of_its_limit(browser: Browser, pages: dict[str, 
     assert browser.run(f"{main}.querySelectorAll('.plot .level.limit').length") >= 2
 
 
-def test_charts_show_stages_events_limits_bands_and_values_at_rest(
-    browser: Browser, pages: dict[str, Path]
-) -> None:
-    shown(browser, pages["good"])
+@looking(["good"])
+def test_charts_show_stages_events_limits_bands_and_values_at_rest(opened: Looked) -> None:
+    browser = opened.browser
     main = "document.querySelector('.main .plot > svg')"
     assert browser.run(f"{main}.querySelectorAll('.ground').length") == 2
     assert browser.run(f"{main}.querySelectorAll('.upright.event').length") == 2
@@ -256,7 +294,7 @@ def test_charts_are_reached_and_moved_by_keys(browser: Browser, pages: dict[str,
     )
 
 
-@pytest.mark.parametrize("name", ["good", "missed", "diff", "compare"])
+@pytest.mark.parametrize("name", ["good", "diff", "compare"])
 def test_dark_pages_are_dark_and_can_be_read(
     browser: Browser, pages: dict[str, Path], name: str
 ) -> None:
@@ -293,11 +331,9 @@ def test_paper_shows_the_charts_and_no_controls(browser: Browser, pages: dict[st
     assert browser.errors == []
 
 
-@pytest.mark.parametrize("name", ["good", "missed", "stopped", "diff", "compare", "judged"])
-def test_on_a_phone_tables_are_cards_and_targets_are_large(
-    browser: Browser, pages: dict[str, Path], name: str
-) -> None:
-    shown(browser, pages[name], PHONE)
+@looking(["good", "missed", "stopped", "diff", "compare", "judged"], [PHONE])
+def test_on_a_phone_tables_are_cards_and_targets_are_large(opened: Looked) -> None:
+    browser = opened.browser
     browser.run("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
     # No table has to be pushed sideways, and every cell is in view.
     wider = browser.run(
@@ -359,12 +395,9 @@ def test_what_helps_gives_way_to_the_stages(browser: Browser, pages: dict[str, P
     assert browser.run(room) == 0
 
 
-@pytest.mark.parametrize("name", ["good", "missed", "diff", "judged"])
-def test_no_printed_page_is_nearly_empty(
-    browser: Browser, pages: dict[str, Path], name: str
-) -> None:
-    shown(browser, pages[name])
-    printed = [_lowest(content) for content in _contents(browser.pdf())]
+@looking(["good", "missed", "diff", "judged"])
+def test_no_printed_page_is_nearly_empty(opened: Looked) -> None:
+    printed = [_lowest(content) for content in _contents(opened.browser.pdf())]
     assert len(printed) >= 3
     # All but the last are used to two thirds, and the last is more than a remainder.
     assert min(printed[:-1]) > 0.66, printed
@@ -407,9 +440,9 @@ def _lowest(content: str) -> float:
     return lowest
 
 
-def test_axes_over_orders_are_in_powers(browser: Browser, pages: dict[str, Path]) -> None:
-    shown(browser, pages["compare"])
-    marks = browser.run(
+@looking(["compare"])
+def test_axes_over_orders_are_in_powers(opened: Looked) -> None:
+    marks = opened.browser.run(
         """[...document.querySelectorAll('[data-chart$="error"] .plot text.end:not(.name)')]
         .map((t) => [t.textContent, t.getBoundingClientRect().left
             - t.closest("figure").getBoundingClientRect().left])"""
@@ -420,13 +453,9 @@ def test_axes_over_orders_are_in_powers(browser: Browser, pages: dict[str, Path]
         assert left >= 0
 
 
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-@pytest.mark.parametrize("name", ["good", "stopped", "compare"])
-def test_marks_of_axes_are_whole(
-    browser: Browser, pages: dict[str, Path], name: str, size: tuple[int, int]
-) -> None:
-    shown(browser, pages[name], size)
-    cut = browser.run(
+@looking(["good", "stopped", "compare"], [DESKTOP, PHONE])
+def test_marks_of_axes_are_whole(opened: Looked) -> None:
+    cut = opened.browser.run(
         """[...document.querySelectorAll(".plot > svg > text")].filter((t) => {
         const b = t.getBoundingClientRect(), f = t.closest(".plot").getBoundingClientRect();
         return b.left < f.left - 0.5 || b.right > f.right + 0.5; }).map((t) => t.textContent)"""
@@ -434,11 +463,10 @@ def test_marks_of_axes_are_whole(
     assert cut == []
 
 
-@pytest.mark.parametrize("name", ["good", "missed", "stopped", "compare", "diff"])
-def test_units_are_written_in_one_way(browser: Browser, pages: dict[str, Path], name: str) -> None:
-    shown(browser, pages[name])
+@looking(["good", "missed", "stopped", "compare", "diff"])
+def test_units_are_written_in_one_way(opened: Looked) -> None:
     # Files and expressions are code, and as their author wrote them.
-    text = browser.run(
+    text = opened.browser.run(
         """(() => { const all = document.body.cloneNode(true);
         all.querySelectorAll("code, pre, script, .task, footer, .legend .static, .plot")
             .forEach((e) => e.remove());

@@ -51,7 +51,9 @@ def test_no_random_press_leaves_its_bound(tmp_path, request, prediction):
     count = request.config.getoption("random_presses")
     rng, inside, fast, bounded = np.random.default_rng(41), 0, 0, 0
     for number in range(count):
-        made = run(load_text(press(rng), "task.yaml"), out=tmp_path / str(number), force=True)
+        made = run(
+            load_text(press(rng), "task.yaml"), out=tmp_path / str(number), force=True, report=False
+        )
         assert made.summary["status"] == "done"
         (each,) = (each for each in settlings(made) if each.stage == "step")
         if each.bound is None:

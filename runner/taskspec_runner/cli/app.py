@@ -350,7 +350,10 @@ def export(
     *,
     folder: Annotated[
         Path,
-        typer.Argument(metavar="RUN|FILE", help="The folder of a run; with --c a task file."),
+        typer.Argument(
+            metavar="RUN|FILE",
+            help="The folder of a run; with --c, --fmu, --ros2-control or --urscript a task file.",
+        ),
     ],
     path: Annotated[
         Path | None,
@@ -370,20 +373,60 @@ def export(
     rerun: Annotated[bool, typer.Option("--rerun", help="Write a Rerun recording.")] = False,
     c: Annotated[
         Path | None,
-        typer.Option("--c", metavar="DIR", help="Write a task's controller as C99 into a folder."),
+        typer.Option(
+            "--c",
+            metavar="DIR",
+            help="Write the controller of a task file as C99: NAME.h and NAME.c in a folder.",
+        ),
+    ] = None,
+    fmu: Annotated[
+        Path | None,
+        typer.Option(
+            "--fmu",
+            metavar="PATH",
+            help="Write it as an FMU for co-simulation: a file NAME.fmu, or a folder for one of "
+            "the task's name.",
+        ),
+    ] = None,
+    fmi: Annotated[
+        int, typer.Option("--fmi", min=2, max=3, metavar="2|3", help="The FMU's version of FMI.")
+    ] = 3,
+    ros2_control: Annotated[
+        Path | None,
+        typer.Option(
+            "--ros2-control", metavar="DIR", help="Write it as a ROS 2 package of ros2_control."
+        ),
+    ] = None,
+    urscript: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Write a task as a program of a Universal Robots arm."),
     ] = None,
     given: options.TaskOptions,
     start: options.From = None,
     end: options.To = None,
 ) -> int:
-    """Write the log of a run for other tools, or the controller of a task as C."""
+    """Write the log of a run for other tools, or a task for a robot's own controller."""
     from taskspec_runner.cli import export as exports
 
     chosen = {"csv": csv, "parquet": parquet, "mcap": mcap, "rerun": rerun}
     forms = [form for form, wanted in chosen.items() if wanted]
-    if c is not None:
-        return exports.export_controller(folder, c, given, forms)
-    return exports.export_log(folder, path, forms, start, end)
+    named = {"--c": c, "--fmu": fmu, "--ros2-control": ros2_control, "--urscript": urscript}
+    targets = [(option, target) for option, target in named.items() if target is not None]
+    if len(targets) > 1:
+        both = f"name one of {targets[0][0]} and {targets[1][0]}"
+        raise typer.BadParameter(both, param_hint=targets[1][0])
+    if not targets:
+        exports.of_a_run(given)
+        return exports.export_log(folder, path, forms, start, end)
+    [(option, target)] = targets
+    exports.of_a_task(option, path, forms, start, end)
+    if option == "--c":
+        return exports.export_controller(folder, target, given)
+    if option == "--fmu":
+        return exports.export_fmu(folder, target, fmi, given)
+    if option == "--ros2-control":
+        return exports.export_ros_package(folder, target, given)
+    return exports.export_urscript(folder, target, given)
 
 
 @_command

@@ -160,7 +160,7 @@ class RobotOptions:
         str | None,
         typer.Option(
             "--on",
-            metavar="udp://HOST:PORT|lib:PATH",
+            metavar="udp://HOST:PORT|lib:PATH|fmu:PATH",
             help="Run on a robot, or on the plant that 'taskspec plant' serves, judged as "
             "measured; or have an exported controller drive the simulated plant.",
         ),

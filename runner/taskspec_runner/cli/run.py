@@ -177,8 +177,8 @@ class Connects(Protocol):
         """
 
 
-#: What the address of an exported controller begins with.
-LIBRARY = "lib:"
+#: What the addresses of exported controllers begin with.
+LIBRARY, FMU = "lib:", "fmu:"
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +204,7 @@ class Connection:
         """
         from taskspec_runner.link.address import read_endpoint
 
-        if self.url.startswith(LIBRARY):
+        if self.url.startswith((LIBRARY, FMU)):
             return
         if "://" not in self.url or self.url.startswith("udp:"):
             read_endpoint(self.url, "--on")
@@ -231,6 +231,10 @@ class Connection:
             from taskspec_runner.link.library import InLibrary
 
             return InLibrary(Path(self.url.removeprefix(LIBRARY)), program)
+        if self.url.startswith(FMU):
+            from taskspec_runner.link.fmu import InFmu
+
+            return InFmu(Path(self.url.removeprefix(FMU)), program)
         robot = open_robot(self.url, say)
         link = OnRobot(robot, self._policy(), self.url)
         try:

@@ -20,6 +20,8 @@ _BLOCKS = {
     Kind.WORDS: ("words", np.int64, "int64_t"),
     Kind.COUNTS: ("counts", np.int32, "int32_t"),
 }
+#: What an evaluation is in C: the number of its function, its arguments and its results.
+_EVALUATION_FIELDS = 3
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,18 @@ class Layout:
             f"double *results[{max(len(self.results), 1)}]",
             *records,
         ]
+
+    @property
+    def size(self) -> int:
+        """Bytes of the members, where no pointer and no integer has more than eight."""
+        blocks = sum(-(-max(b.values.nbytes, 8) // 8) * 8 for b in self.blocks.values())
+        pointers = max(len(self.arguments), 1) + max(len(self.results), 1)
+        fields = sum(
+            _EVALUATION_FIELDS if isinstance(record, Evaluation) else len(record.fields)
+            for records in self.records.values()
+            for record in records
+        )
+        return blocks + 8 * (pointers + fields)
 
     def place_of(self, record: Record) -> str:
         """A record in the instance `m`."""

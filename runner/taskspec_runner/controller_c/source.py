@@ -23,9 +23,12 @@ from taskspec.program.execution.exits import repeats
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, exits
 from taskspec.program.program import Program
+from taskspec_runner.controller_c.header import header_facts, wrench_lines
 from taskspec_runner.controller_c.layout import Layout
 
 _FOLDER = Path(__file__).parent / "c"
+#: Of an instance beside its layout, as controller.c has it.
+_OWN_BYTES = 104
 _EVALUATION = """\
 struct Evaluation {
     int64_t code;
@@ -33,6 +36,19 @@ struct Evaluation {
     double *const *results;
 };
 static void ts_evaluate(struct Evaluation *f);"""
+#: Words of C and C++, which name no structure, and headers of C, which a file may not hide.
+_TAKEN = frozenset(
+    "alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl "  # noqa: SIM905
+    "concept const consteval constexpr constinit const_cast continue co_await co_return co_yield "
+    "decltype default delete do double dynamic_cast else enum explicit export extern false float "
+    "for friend goto if inline int long mutable namespace new noexcept not not_eq nullptr operator "
+    "or or_eq private protected public register reinterpret_cast requires restrict return short "
+    "signed sizeof static static_assert static_cast struct switch template this thread_local throw "
+    "true try typedef typeid typename union unsigned using virtual void volatile wchar_t while xor "
+    "xor_eq assert complex ctype errno fenv inttypes iso646 limits locale math setjmp signal "
+    "stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath "
+    "threads time uchar wchar wctype".split()
+)
 #: What the machine calls of the kernel.
 _KERNEL = (
     *(controller.start, controller.control, controller.open_stage, controller.leave),
@@ -48,14 +64,16 @@ class Controller:
         name: what its functions and types begin with.
         digest: SHA-256 of what it is made of, in hexadecimal.
         header, source: texts of its two files.
-        numbers: doubles of one instance.
+        size: bytes that are enough for an instance.
+        wrench: what the wrench of a sample is.
     """
 
     name: str
     digest: str
     header: str
     source: str
-    numbers: int
+    size: int
+    wrench: str
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """Writes NAME.h and NAME.c; their paths.
@@ -82,7 +100,7 @@ def controller_of(program: Program) -> Controller:
     for memory in memories:
         memory.alone, memory.solves = 1, memory.has_program
     layout = Layout(memories)
-    text = (_FOLDER / "controller.c").read_text(encoding="utf-8")
+    text, header = ((_FOLDER / f"controller.{end}").read_text(encoding="utf-8") for end in "ch")
     facts = _facts(program, machine, name, layout)
     parts = {
         "INITIAL": _initial(layout),
@@ -93,20 +111,20 @@ def controller_of(program: Program) -> Controller:
         "EVENTS": _events(machine),
         **facts,
     }
-    made_of = "\n".join((text, *(f"{key} {part}" for key, part in sorted(parts.items()))))
+    made_of = "\n".join((text, header, *(f"{key} {part}" for key, part in sorted(parts.items()))))
     parts["HASH"] = digest = hashlib.sha256(made_of.encode()).hexdigest()
-    header = _filled((_FOLDER / "controller.h").read_text(encoding="utf-8"), parts)
-    numbers = len(layout.blocks[Kind.VECTOR].values)
-    return Controller(name, digest, header, _filled(text, parts), numbers)
+    size, wrench = int(parts["SIZE"]), " ".join(wrench_lines(program, machine))
+    return Controller(name, digest, filled(header, parts), filled(text, parts), size, wrench)
 
 
 def identifier(name: str) -> str:
     """A name of C for a task's name."""
     written = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return written if written[:1].isalpha() else f"task_{written}"
+    taken = written in _TAKEN or not written[:1].isalpha()
+    return f"task_{written}" if taken else written
 
 
-def _filled(text: str, parts: dict[str, str]) -> str:
+def filled(text: str, parts: dict[str, str]) -> str:
     """A template, whose places are @NAME@."""
     return re.sub(r"@([A-Z_]+)@", lambda match: parts[match[1]], text)
 
@@ -190,30 +208,23 @@ def _facts(program: Program, machine: Machine, name: str, layout: Layout) -> dic
     context = program.context
     loaded, robot = context.loaded, context.robot
     stages = [runner.stage.name for runner in machine.runners]
-    sensor = machine.sensor is not None
-    wrench = (
-        "reading of the sensor, axes of the tool, about the tip, tool's weight included"
-        if sensor
-        else "force and moment about the tip, by the environment on the tool, world axes"
-    )
-    joints = "\n".join(f" *   {i}: {joint}" for i, joint in enumerate(robot.joint_names))
     return {
         "NAME": name,
         "UPPER": name.upper(),
         "TITLE": loaded.task.name,
         "VERSION": version("taskspec-robotics"),
         "JOINTS": str(robot.n),
-        "JOINT_NAMES": joints,
         "REACTIONS": str(len(context.equations)),
         "REACTION_ROOM": str(max(len(context.equations), 1)),
-        "REACTION_NAMES": ", ".join(context.equations) or "none",
         "PERIOD": number(context.period),
         "RATE": f"{1 / context.period:g}",
-        "WRENCH": wrench,
-        "SENSOR": "1" if sensor else "0",
+        "START": ", ".join(number(float(q)) for q in context.start),
+        "SENSOR": str(int(machine.sensor is not None)),
+        "SIZE": str(layout.size + 8 * robot.n + _OWN_BYTES),
         "STAGES": str(len(stages)),
         "STAGE_NAMES": ", ".join(map(_quoted, stages)),
         "READING": _reading(machine, layout),
+        **header_facts(program, machine),
     }
 
 

@@ -6,7 +6,7 @@ import base64
 import json
 import math
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from xml.etree import ElementTree
 
 import mujoco
@@ -28,16 +28,21 @@ _FLOAT, _UNSIGNED = 5126, 5125
 _PARALLELS, _MERIDIANS = 12, 24
 
 
-def robot_description(scene: RunScene, name: str) -> str:
+#: The URL of a mesh of vertices (n, 3) [m] and faces (m, 3).
+MeshUrl = Callable[[Vector, Faces], str]
+
+
+def robot_description(scene: RunScene, name: str, mesh_url: MeshUrl | None = None) -> str:
     """The URDF of a run's arm: links, joints with their limits, inertias, and what is drawn.
 
-    Its root is the world. Meshes are `data:` URLs of glTF, for which a viewer needs no file; a
-    joint that follows one other joint mimics it.
+    Its root is the world. A joint that follows one other joint mimics it.
 
     Args:
         scene: of the run.
         name: of the robot.
+        mesh_url: where a mesh is; None for `data:` URLs of glTF, for which a viewer needs no file.
     """
+    url = mesh_url or _glb
     robot = ElementTree.Element("robot", name=name)
     ElementTree.SubElement(robot, "link", name=WORLD)
     pieces = dict[str, list[ScenePiece]]()
@@ -48,7 +53,7 @@ def robot_description(scene: RunScene, name: str) -> str:
         if link.body >= 0 and scene.model.body_mass[link.body] > 0.0:
             made.append(_inertial(scene.model, link.body))
         for piece in pieces.get(link.name, ()):
-            made.append(_visual(piece))
+            made.append(_visual(piece, url))
         robot.append(_joint(scene, link))
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
@@ -101,7 +106,7 @@ def _inertial(model: mujoco.MjModel, body: int) -> ElementTree.Element:
     return made
 
 
-def _visual(piece: ScenePiece) -> ElementTree.Element:
+def _visual(piece: ScenePiece, url: MeshUrl) -> ElementTree.Element:
     made = ElementTree.Element("visual")
     made.append(_origin(piece.pose))
     geometry = ElementTree.SubElement(made, "geometry")
@@ -113,11 +118,11 @@ def _visual(piece: ScenePiece) -> ElementTree.Element:
     elif piece.kind == "sphere" and np.ptp(piece.size) == 0.0:
         ElementTree.SubElement(geometry, "sphere", radius=_text([a / 2]))
     elif piece.kind == "sphere":
-        ElementTree.SubElement(geometry, "mesh", filename=_glb(*_ellipsoid(piece.size)))
+        ElementTree.SubElement(geometry, "mesh", filename=url(*_ellipsoid(piece.size)))
     else:
         assert piece.vertices is not None
         assert piece.faces is not None
-        ElementTree.SubElement(geometry, "mesh", filename=_glb(piece.vertices, piece.faces))
+        ElementTree.SubElement(geometry, "mesh", filename=url(piece.vertices, piece.faces))
     color = _text(piece.color)
     material = ElementTree.SubElement(made, "material", name=f"rgba {color}")
     ElementTree.SubElement(material, "color", rgba=color)

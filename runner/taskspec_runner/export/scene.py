@@ -175,6 +175,14 @@ class RunScene:
             _arrows(marks, rows), np.stack([path.middles - half, path.middles + half], axis=1),
         )  # fmt: skip
 
+    @classmethod
+    def still(cls, model: mujoco.MjModel, coupling: JointCoupling) -> RunScene:
+        """The scene of a model without a run: of the arm its links and what is drawn of them."""
+        names = _frame_names(model)
+        links = tuple(_links(model, coupling, names))
+        pieces = tuple(_pieces(model, {link.body for link in links}, names))
+        return cls(model, coupling, np.zeros(0), links, {}, {}, pieces, {}, np.zeros((0, 2, 3)))
+
     def pieces_of_arm(self, *, arm: bool) -> list[ScenePiece]:
         """The pieces of the arm, or those of the world."""
         links = {link.name for link in self.links}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,38 @@ from taskspec_runner.plant.plant import Plant
 Vector = NDArray[np.float64]
 
 
+class ExportedController(Protocol):
+    """An instance of a controller that was exported, in this process.
+
+    Attributes:
+        q, v, wrench, reactions: of the sample that it is to answer.
+        torque: (n,) of the last answer [N m, N].
+    """
+
+    q: Vector
+    v: Vector
+    wrench: Vector
+    reactions: Vector
+    torque: Vector
+
+    @property
+    def state(self) -> int:
+        """Of the last answer, 0 while the task goes on."""
+
+    def answer(self, stamp: float, *, first: bool = False) -> None:
+        """Has the controller answer the sample that is written, at a time [s]."""
+
+
 class ControllerLibrary:
     """One instance of an exported controller.
 
     Attributes:
+        memory: (bytes,) of the instance.
+        sample: the numbers of the input, in their order in the header.
+        q, v, wrench, reactions: of the sample.
         torque: (n,) of the last answer [N m, N].
         state: of the last answer, 0 while the task goes on.
+        stage: of the last answer.
     """
 
     def __init__(self, path: Path, controller: Controller, joints: int, reactions: int) -> None:
@@ -40,17 +66,28 @@ class ControllerLibrary:
             InputError: it is no library, or not of this controller.
         """
         name = controller.name
+        again = f"compile it: cc -std=c99 -O2 -shared -fPIC {name}.c -o {name}.so -lm"
         try:
             # By its whole path: a bare name would be searched for elsewhere.
             self._library = ctypes.CDLL(str(path.resolve(strict=True)))
+        except FileNotFoundError as error:
+            raise InputError(
+                f"there is no {path}; export the task with 'taskspec export FILE --c DIR' and "
+                f"{again}"
+            ) from error
+        except OSError as error:
+            raise InputError(
+                f"{path} is no shared library that this machine can load: {error}; {again}"
+            ) from error
+        try:
             functions = {
                 part: getattr(self._library, f"{name}_{part}")
                 for part in ("size", "init", "start", "step", "task", "bear")
             }
-        except (OSError, AttributeError) as error:
+        except AttributeError as error:
             raise InputError(
                 f"{path} is no library of the task {name!r}: {error}; export the task with "
-                f"'taskspec export FILE --c DIR' and compile it as its page says"
+                f"'taskspec export FILE --c DIR' and {again}"
             ) from error
         functions["size"].restype = ctypes.c_uint64
         functions["task"].restype = ctypes.c_char_p
@@ -66,27 +103,33 @@ class ControllerLibrary:
         for part in ("start", "step"):
             functions[part].argtypes = [pointer] * 3
         self._start, self._step = functions["start"], functions["step"]
-        self._memory = ctypes.create_string_buffer(functions["size"]() + 16)
-        aligned = -ctypes.addressof(self._memory) % 16 + ctypes.addressof(self._memory)
-        self._instance = functions["init"](aligned)
+        # Of doubles, as which it is to be aligned.
+        self.memory = np.zeros(-(-functions["size"]() // 8)).view(np.uint8)
+        self._instance = functions["init"](self.memory.ctypes.data)
         # The structures of the header hold doubles, and three integers at last.
-        self._sample = np.zeros(2 * joints + 6 + max(reactions, 1) + 1)
+        self.sample = np.zeros(2 * joints + 6 + max(reactions, 1) + 1)
         ends = np.cumsum([joints, joints, 6, reactions])
-        self.q, self.v, self.wrench, self.reactions, _ = np.split(self._sample, ends)
+        self.q, self.v, self.wrench, self.reactions, _ = np.split(self.sample, ends)
         self._answer = np.zeros(8 * joints + 16, dtype=np.uint8)
         self.torque = self._answer[: 8 * joints].view(np.float64)
-        self._state = self._answer[8 * joints : 8 * joints + 4].view(np.int32)
+        self._given = self._instance, self.sample.ctypes.data, self._answer.ctypes.data
+        self._ends = self._answer[8 * joints :].view(np.int32)
 
     @property
     def state(self) -> int:
         """Of the last answer, 0 while the task goes on."""
-        return int(self._state[0])
+        return int(self._ends[0])
+
+    @property
+    def stage(self) -> int:
+        """Number of the stage of the last answer."""
+        return int(self._ends[1])
 
     def answer(self, stamp: float, *, first: bool = False) -> None:
         """Has the controller answer the sample that is written, at a time [s]."""
-        self._sample[-1] = stamp
+        self.sample[-1] = stamp
         called = self._start if first else self._step
-        called(self._instance, self._sample.ctypes.data, self._answer.ctypes.data)
+        called(*self._given)
 
 
 class LibraryPlant:
@@ -98,7 +141,7 @@ class LibraryPlant:
     """
 
     def __init__(
-        self, library: ControllerLibrary, parts: Assembly[Plant], sensing: Sensing
+        self, library: ExportedController, parts: Assembly[Plant], sensing: Sensing
     ) -> None:
         self._library, self._plant, self._sensing = library, parts.plant, sensing
         self._machine, self._period = parts.machine, parts.program.context.period
@@ -163,7 +206,7 @@ class InLibrary:
         """
         context = program.context
         self._path = path
-        self._library = ControllerLibrary(
+        self._library: ExportedController = ControllerLibrary(
             path, controller_of(program), context.robot.n, len(context.equations)
         )
 

@@ -39,7 +39,9 @@ from taskspec_runner.plant.whole.markers import WholeContact
 _NO_SPRING = 1e-9
 
 
-def add_tool_pairs(spec: mujoco.MjSpec, arm: SceneArm, task: Task, mobility: float) -> None:
+def add_tool_pairs(
+    spec: mujoco.MjSpec, arm: SceneArm, task: Task, mobility: float, *, whole: bool = True
+) -> None:
     """Adds the contacts of an arm's tool with every shape that it does not hold.
 
     Args:
@@ -47,13 +49,14 @@ def add_tool_pairs(spec: mujoco.MjSpec, arm: SceneArm, task: Task, mobility: flo
         arm: it.
         task: whose shapes they are.
         mobility: of the tool, as MuJoCo counts it [1/kg].
+        whole: whether surfaces that touch as a whole do so, not point by point.
     """
     robot, period = arm.robot, 1.0 / task.control.plant_rate
     for name, shape in task.shapes.items():
         if name == arm.held:
             continue
         declared, solid = compliance(shape, robot, arm.start, period), surface(shape)
-        if solid.whole() is not None or (robot.tool.flat and touched_whole(solid)):
+        if whole and (solid.whole() is not None or (robot.tool.flat and touched_whole(solid))):
             contact = WholeContact(declared, shape.friction, mobility + mobility_of(shape), period)
             touches = robot.tool_geoms[0], robot.tool
             drawn = solid.geom() if shape.motion is None else solid.moving_geom()
@@ -71,8 +74,8 @@ def add_tool_pairs(spec: mujoco.MjSpec, arm: SceneArm, task: Task, mobility: flo
             )
 
 
-def add_loose_pairs(spec: mujoco.MjSpec, task: Task) -> None:
-    """Adds the contacts of loose bodies with every other shape."""
+def add_loose_pairs(spec: mujoco.MjSpec, task: Task, *, whole: bool = True) -> None:
+    """Adds the contacts of loose bodies with every other shape; `whole` as for a tool."""
     order, period = list(task.shapes), 1.0 / task.control.plant_rate
     for name, body in loose(task).items():
         solid = solid_of(body)
@@ -87,7 +90,7 @@ def add_loose_pairs(spec: mujoco.MjSpec, task: Task) -> None:
                 declared, friction = own, body.friction
             centers, radius = solid.contact_points()
             ground = surface(shape)
-            if ground.whole() is not None:
+            if whole and ground.whole() is not None:
                 each = Compliance(
                     declared.stiffness / solid.resting_points,
                     declared.damping / solid.resting_points,

@@ -44,10 +44,36 @@ def build_scene(arm: SceneArm, task: Task, *, drawn: bool = False) -> Scene:
     """Compiles the scene of a task.
 
     Args:
+        arm, task, drawn: as `scene_spec` has them.
+    """
+    model = scene_spec(arm, task, drawn=drawn).compile()
+    robot = arm.robot
+    markers.connect(model)
+    if arm.held:
+        grasp.calibrate(model, arm)
+    # The solver's tolerance is relative to this; what is driven has no bounds to its inertia.
+    model.stat.meaninertia = robot.model.stat.meaninertia
+    if moving(task):
+        # Cameras go by these; the block that stands for a moving plane has no bounds either.
+        model.stat.extent = robot.model.stat.extent
+        model.stat.center = robot.model.stat.center
+    addresses = [int(model.sensor(arm.element(name)).adr[0]) for name in task.shapes]
+    sensors = tuple(slice(address, address + 9) for address in addresses)
+    return Scene(model, arm, tuple(task.shapes), sensors)
+
+
+def scene_spec(
+    arm: SceneArm, task: Task, *, drawn: bool = False, whole: bool = True
+) -> mujoco.MjSpec:
+    """What the scene of a task is compiled of.
+
+    Args:
         arm: in it; its MjSpec is copied, not changed.
         task: whose `world` and `control` are the true ones.
         drawn: whether pictures are made of it; light, sky and floor are most of the time that it
             takes.
+        whole: whether surfaces that touch as a whole do so; the model then needs this process.
+            Otherwise the tool touches with its spheres, as MuJoCo does by itself.
     """
     robot = arm.robot
     spec = robot.spec.copy()
@@ -81,21 +107,9 @@ def build_scene(arm: SceneArm, task: Task, *, drawn: bool = False) -> Scene:
         add_shape(spec, name, task.shapes[name], near, color, own)
     if drawn:
         add_stands(spec, task)
-    add_tool_pairs(spec, arm, task, mobility)
-    add_loose_pairs(spec, task)
-    model = spec.compile()
-    markers.connect(model)
-    if arm.held:
-        grasp.calibrate(model, arm)
-    # The solver's tolerance is relative to this; what is driven has no bounds to its inertia.
-    model.stat.meaninertia = robot.model.stat.meaninertia
-    if moving(task):
-        # Cameras go by these; the block that stands for a moving plane has no bounds either.
-        model.stat.extent = robot.model.stat.extent
-        model.stat.center = robot.model.stat.center
-    addresses = [int(model.sensor(arm.element(name)).adr[0]) for name in task.shapes]
-    sensors = tuple(slice(address, address + 9) for address in addresses)
-    return Scene(model, arm, tuple(task.shapes), sensors)
+    add_tool_pairs(spec, arm, task, mobility, whole=whole)
+    add_loose_pairs(spec, task, whole=whole)
+    return spec
 
 
 def _set_options(option: mujoco.MjOption, period: float, ratio: float) -> None:

@@ -13,7 +13,7 @@ from taskspec.native.kernel import Vector
 from taskspec.native.quadratic import INFEASIBLE, SOLVED, solve
 from taskspec.program.evaluation import evaluate
 from taskspec.program.execution.controller_memory import ControllerMemory
-from taskspec.program.execution.exits import enter, follows
+from taskspec.program.execution.exits import RESTS, enter, follows
 from taskspec.program.execution.pivots import select
 from taskspec.program.execution.stage_solver import EXACT, HELD_TICKS, WORST_RESIDUAL
 from taskspec.program.limits.holding import hold
@@ -25,8 +25,6 @@ from taskspec.program.world.estimated_frames import MEASURED
 UNANSWERED, DIVERGED = -1, -2
 #: The frame of a stage that follows has not been estimated; beside `exits.OVER` and `TRIED`.
 UNKNOWN = -3
-#: For how long at most a limit that has led to a stage does not count again [s].
-RESTS = 0.5
 
 
 def tick(c: ControllerMemory) -> bool:

@@ -15,6 +15,8 @@ from taskspec.program.stages.stage import CompiledStage
 
 #: No stage follows: the task is over; or the stage has had its attempts.
 OVER, TRIED = -1, -2
+#: For how long at most a limit that has led to a stage does not count again [s].
+RESTS = 0.5
 #: The attempts of a stage that may be entered any number of times.
 _ANY = -1
 

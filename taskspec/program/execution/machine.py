@@ -12,7 +12,15 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program import events
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.estimation import Estimation
-from taskspec.program.execution.exits import OVER, TRIED, enter, exit_table, follows, repeats
+from taskspec.program.execution.exits import (
+    OVER,
+    RESTS,
+    TRIED,
+    enter,
+    exit_table,
+    follows,
+    repeats,
+)
 from taskspec.program.execution.fade_out import FadeOut, unanswered
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.execution.stage_runner import StageRunner
@@ -42,8 +50,6 @@ _HANDED = slices(HANDED)
 _SAME = _HANDED["same"].start
 #: A stage that has gone on for so many ticks goes on for long enough to group its instructions.
 _GROUPS_AFTER = 1000
-#: For how long at most a limit that has led to a stage does not count again [s].
-RESTS = 0.5
 
 
 @dataclass(slots=True)

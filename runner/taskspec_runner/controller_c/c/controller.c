@@ -3,8 +3,25 @@
  * Compile with -std=c99 or newer, without -ffast-math; link with libm. */
 #include "@NAME@.h"
 
+/* No product is rounded together with a sum. gcc 12 does that to vectors, whatever -ffp-contract
+ * says, so that it is to form none. */
+#if defined __clang__
+#pragma STDC FP_CONTRACT OFF
+#elif defined __GNUC__
+#pragma GCC optimize("fp-contract=off", "no-tree-slp-vectorize")
+#endif
+
 #include <math.h>
 #include <string.h>
+
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
+#error "compile it without -ffast-math and -Ofast: numbers that are not finite have to end the task"
+#endif
+
+#ifdef __GNUC__
+/* Not every task needs all of what follows. */
+#pragma GCC diagnostic ignored "-Wunused-function"
+#endif
 
 /* ---- what Python means where C means something else */
 
@@ -62,10 +79,13 @@ struct @NAME@ {
     struct Evaluation nothing;
     struct ControllerMemory *now;
     double *wrench;
-    double begin, stamp;
-    int64_t due;
+    double begin, stamp, answer[@JOINTS@];
+    int64_t due, row, lost;
     int32_t state, event, bears;
+    bool measured;
 };
+/* The size in the header is enough. */
+typedef char ts_fits[sizeof(struct @NAME@) <= @UPPER@_SIZE ? 1 : -1];
 
 const char *@NAME@_task(void) { return "@HASH@"; }
 
@@ -73,7 +93,7 @@ uint64_t @NAME@_size(void) { return sizeof(struct @NAME@); }
 
 struct @NAME@ *@NAME@_init(void *memory)
 {
-    struct @NAME@ *m = memory;
+    struct @NAME@ *m = (struct @NAME@ *)memory;
     uint64_t i;
     memset(m, 0, sizeof *m);
     for (i = 0; i < TS_LENGTH(ts_first_numbers); i++)
@@ -89,12 +109,13 @@ struct @NAME@ *@NAME@_init(void *memory)
 @FILLING@
     m->now = &m->controllermemory[0];
     m->wrench = @READING@;
+    m->state = @UPPER@_NOT_STARTED;
     m->event = -1;
-    m->bears = 20;
+    m->bears = @UPPER@_BEARS;
     return m;
 }
 
-void @NAME@_bear(struct @NAME@ *m, int32_t lost) { m->bears = lost; }
+void @NAME@_bear(struct @NAME@ *m, int32_t lost) { m->bears = lost < 0 ? 0 : lost; }
 
 /* Takes what a sample measures; whether its numbers are finite. */
 static bool host_take(struct @NAME@ *m, const struct @NAME@_input *in)
@@ -111,13 +132,34 @@ static bool host_take(struct @NAME@ *m, const struct @NAME@_input *in)
     }
     for (i = 0; i < 6; i++) m->wrench[i] = in->wrench[i];
     for (i = 0; i < @REACTIONS@; i++) m->now->reactions[i] = in->reactions[i];
+    m->measured = true;
     return true;
+}
+
+/* Whether the torques of a tick may be used; sets the state where only they say that not. */
+static bool host_sane(struct @NAME@ *m)
+{
+    bool finite = true;
+    int i;
+    for (i = 0; i < @JOINTS@; i++) finite = finite && isfinite(m->now->torque[i]);
+    if (!finite && m->state == @UPPER@_RUNNING) m->state = @UPPER@_DIVERGED;
+    return finite && m->state != @UPPER@_DIVERGED;
+}
+
+/* Takes the arm's motion away, from the torques of the last answer on. */
+static void host_rest(struct @NAME@ *m)
+{
+    int i;
+    for (i = 0; i < @JOINTS@; i++) m->now->torque[i] = m->answer[i];
+    if (m->measured) stop(m->now);
+    for (i = 0; i < @JOINTS@; i++)
+        if (!isfinite(m->now->torque[i])) m->now->torque[i] = m->answer[i];
 }
 
 static int32_t host_answer(struct @NAME@ *m, struct @NAME@_output *out, int32_t lost)
 {
     int i;
-    for (i = 0; i < @JOINTS@; i++) out->torque[i] = m->now->torque[i];
+    for (i = 0; i < @JOINTS@; i++) out->torque[i] = m->answer[i] = m->now->torque[i];
     out->state = m->state;
     out->stage = (int32_t)m->now->stage;
     out->lost = lost;
@@ -126,12 +168,19 @@ static int32_t host_answer(struct @NAME@ *m, struct @NAME@_output *out, int32_t 
 
 void @NAME@_start(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAME@_output *out)
 {
+    if (m->state != @UPPER@_NOT_STARTED) {
+        int32_t bears = m->bears;
+        @NAME@_init(m);
+        m->bears = bears;
+    }
     if (!host_take(m, in)) {
         m->state = @UPPER@_BAD_SAMPLE;
     } else {
+        m->state = @UPPER@_RUNNING;
         m->begin = in->stamp;
         m->stamp = in->stamp - @UPPER@_PERIOD;
         start(m->now);
+        if (!host_sane(m)) host_rest(m);
     }
     host_answer(m, out, 0);
 }
@@ -170,6 +219,7 @@ int32_t @NAME@_step(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAM
 {
     double ahead = (in->stamp - m->begin) / @UPPER@_PERIOD - (double)m->due;
     int32_t lost = 0, i;
+    bool over;
     if (m->state == @UPPER@_RUNNING) {
         if (!isfinite(ahead) || ahead >= TS_FARTHEST || in->stamp <= m->stamp) {
             m->state = isfinite(in->stamp) ? @UPPER@_BAD_STAMP : @UPPER@_BAD_SAMPLE;
@@ -180,13 +230,17 @@ int32_t @NAME@_step(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAM
             lost = ahead >= TS_TOLERANCE ? (int32_t)nearbyint(ahead) : 0;
             m->stamp = in->stamp;
             m->due += 1 + lost;
-            if (lost > m->bears) m->state = @UPPER@_LOST;
+            /* A host of half the rate loses one before each sample. */
+            m->row = lost > 0 ? m->row + lost : 0;
+            m->lost += lost;
+            if (m->row > m->bears) m->state = @UPPER@_LOST;
         }
     }
     for (i = 0; i < lost && m->state == @UPPER@_RUNNING; i++) host_tick(m);
     if (!host_take(m, in) && m->state == @UPPER@_RUNNING) m->state = @UPPER@_BAD_SAMPLE;
-    if (m->state == @UPPER@_RUNNING) host_tick(m);
-    else stop(m->now);
+    over = m->state != @UPPER@_RUNNING;
+    if (!over) host_tick(m);
+    if (over || !host_sane(m)) host_rest(m);
     return host_answer(m, out, lost);
 }
 
@@ -198,8 +252,9 @@ static const char *const host_words[] = {
     "the program that keeps the limits has had no answer for too long",
     "state or torque is no longer finite",
     "a number of a sample is not finite",
-    "a stamp of the robot's clock runs back, or is no time of a run",
-    "too many samples in a row have been lost",
+    "a stamp of the robot's clock stands still, runs back, or is no time of a run",
+    "too many samples in a row have been lost: does the host step at the task's rate?",
+    "the task has not been started",
 };
 
 struct @NAME@_status @NAME@_status(const struct @NAME@ *m)
@@ -211,5 +266,6 @@ struct @NAME@_status @NAME@_status(const struct @NAME@ *m)
     s.event = m->event >= 0 ? host_events[m->event].name : "";
     s.text = by_event ? host_events[m->event].text : host_words[m->state];
     s.ticks = m->now->ticks;
+    s.lost = m->lost;
     return s;
 }

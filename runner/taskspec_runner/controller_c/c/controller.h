@@ -2,17 +2,30 @@
  *
  * SHA-256 of what it is made of: @HASH@
  *
- * The host calls @NAME@_init once, @NAME@_start with the first sample, and then @NAME@_step with
- * the sample of each control period, @RATE@ times a second, in order. It applies the torques of
- * each answer until the next one. Nothing is allocated, nothing is printed, nothing is global:
- * several instances may run beside each other. An instance is not to be moved after its init.
+ * Use:
+ *   @NAME@_init prepares an instance;
+ *   @NAME@_start takes the first sample, of an arm at rest;
+ *   @NAME@_step takes the sample of each control period, the first one once more, in order and
+ *   @RATE@ times a second.
+ * The torques of an answer are applied until the next one. Nothing is allocated, printed or global:
+ * several instances, and several tasks, may run in one program. An instance stays where it is.
  *
- * A sample whose numbers are not finite, a stamp that runs back, and more lost samples in a row
- * than are borne end the task by name. From its end on, whatever it is, the torques carry the arm
- * and take its motion away.
+ * Guarantees: each call ends after a bounded number of instructions. Torques are finite.
+@TORQUES@
+ * A number that is not finite, a stamp that stands still or runs back, and more lost samples in a
+ * row than are borne end the task by name, and enter no torque. From its end on, whatever it is,
+ * the torques take the arm's motion away and carry it.
  *
- * Joints, in the order of all vectors [rad or m, rad/s or m/s, N m or N]:
-@JOINT_NAMES@
+@ROBOT@
+ *
+ * Joints, in the order of all vectors:
+@JOINT_TABLE@
+ *
+ * Stages, and the events that end them:
+@STAGE_TABLE@
+ *
+ * Limits that end the task, as "stopped":
+@LIMITS@
  */
 #ifndef @UPPER@_H
 #define @UPPER@_H
@@ -29,8 +42,14 @@ extern "C" {
 #define @UPPER@_STAGES @STAGES@
 /* Of control [s]. */
 #define @UPPER@_PERIOD @PERIOD@
+/* Lost samples in a row that are borne at first. */
+#define @UPPER@_BEARS 20
 /* Whether the wrench is a reading, from which weight and zero are still to be taken. */
 #define @UPPER@_READS_SENSOR @SENSOR@
+/* Joint positions where the task of the file starts. */
+#define @UPPER@_START {@START@}
+/* Bytes that are enough for an instance. */
+#define @UPPER@_SIZE @SIZE@
 
 /* Why a task has ended, or that it goes on. */
 enum @NAME@_state {
@@ -43,50 +62,61 @@ enum @NAME@_state {
     @UPPER@_UNANSWERED = 6,  /* the program that keeps the limits has had no answer */
     @UPPER@_DIVERGED = 7,    /* numbers are not those of a sane arm */
     @UPPER@_BAD_SAMPLE = 8,  /* a number of a sample is not finite */
-    @UPPER@_BAD_STAMP = 9,   /* a stamp runs back, or goes on by more than a run lasts */
-    @UPPER@_LOST = 10        /* more samples in a row have been lost than are borne */
+    @UPPER@_BAD_STAMP = 9,   /* a stamp stands still, runs back, or is no time of a run */
+    @UPPER@_LOST = 10,       /* more samples in a row have been lost than are borne */
+    @UPPER@_NOT_STARTED = 11 /* no start yet */
 };
 
-/* A sample. */
+/* A sample: what is measured at one instant. */
 struct @NAME@_input {
-    double q[@JOINTS@];       /* joint positions */
-    double v[@JOINTS@];       /* joint velocities */
-    double wrench[6];         /* @WRENCH@ [N, N m] */
-    double reactions[@REACTION_ROOM@]; /* along the gradients of the equations on joints: @REACTION_NAMES@ [N, N m] */
-    double stamp;             /* of the robot's clock [s] */
+    /* Joint positions, counted as the robot's file counts them; units in the table above. */
+    double q[@JOINTS@];
+    /* Joint velocities. */
+    double v[@JOINTS@];
+    /*
+@WRENCH@ */
+    double wrench[6];
+    /*
+@REACTION_NAMES@ */
+    double reactions[@REACTION_ROOM@];
+    /* Time of the sample by the robot's clock [s]. Its zero is anywhere. */
+    double stamp;
 };
 
 /* The answer to a sample. */
 struct @NAME@_output {
-    double torque[@JOINTS@];  /* gravity included */
-    int32_t state;            /* of enum @NAME@_state */
-    int32_t stage;            /* number of the stage */
-    int32_t lost;             /* samples lost before this one */
+    double torque[@JOINTS@]; /* of the drives on the joints; @GRAVITY@ */
+    int32_t state; /* of enum @NAME@_state */
+    int32_t stage; /* its number, as above */
+    int32_t lost; /* samples lost before this one */
 };
 
-/* What has ended a task, in words. */
+/* How far a task is, and what has ended it. */
 struct @NAME@_status {
-    int32_t state;
-    const char *stage;        /* in which it is, or ended */
-    const char *event;        /* short name of what ended it; empty while it runs */
-    const char *text;         /* the same as a sentence */
-    int64_t ticks;            /* control periods so far */
+    int32_t state; /* of enum @NAME@_state */
+    const char *stage; /* in which it is, or ended */
+    const char *event; /* name of what ended it, as above; empty while it runs, and of other ends */
+    const char *text; /* why it ended, or that it goes on, as a sentence */
+    int64_t ticks; /* control periods so far */
+    int64_t lost; /* of them, without a sample of their own */
 };
 
 struct @NAME@;
 
 /* What the controller is made of, as above. */
 const char *@NAME@_task(void);
-/* Bytes of an instance; it is to be aligned as a double is. */
+/* Bytes of an instance, at most @UPPER@_SIZE. */
 uint64_t @NAME@_size(void);
-/* Prepares an instance in memory of that size. */
+/* Prepares an instance in memory of that size, which is aligned as a double is. */
 struct @NAME@ *@NAME@_init(void *memory);
-/* Begins the task where the first sample says that the arm rests. Its torques carry the arm. */
+/* Begins the task where the first sample says that the arm rests. Its torques carry the arm; they
+ * are zero where the sample is not finite. Once more, it begins the task anew. */
 void @NAME@_start(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAME@_output *out);
 /* One control period; the first sample is that of the start. Returns the state. */
 int32_t @NAME@_step(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAME@_output *out);
 struct @NAME@_status @NAME@_status(const struct @NAME@ *m);
-/* So many lost samples in a row are borne, each a period on the last one; 20 at first. */
+/* So many lost samples in a row are borne. Each is a period on the sample before it.
+ * Two samples without one lost between them end a row. */
 void @NAME@_bear(struct @NAME@ *m, int32_t lost);
 
 #ifdef __cplusplus

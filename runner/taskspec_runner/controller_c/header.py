@@ -1,0 +1,163 @@
+"""What the header of a controller in C says: joints, units, frames and signs, stages and ends."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterable
+
+import numpy as np
+
+from taskspec.program.execution.machine import Machine
+from taskspec.program.execution.transition import exits
+from taskspec.program.program import Program
+from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
+
+_WIDTH = 96
+
+
+def header_facts(program: Program, machine: Machine) -> dict[str, str]:
+    """The parts of the header that are comments, by their names in the template."""
+    context = program.context
+    task, robot = context.loaded.task, context.robot
+    length = task.robot.tool.length
+    away = "" if length is None else f", {length:g} m from it along its z"
+    flange = f", flange {robot.flange!r}" if robot.flange else ""
+    return {
+        "ROBOT": _comment(
+            [
+                f"Robot: {robot.name}{flange}. The tip is the tool's extreme point on its axis"
+                f"{away}; z of its frame points out of the tool."
+            ]
+        ),
+        "JOINT_TABLE": _comment(_joints(program, machine), wrap=False),
+        "TORQUES": _comment([_torques(machine)]),
+        "STAGE_TABLE": _comment(_stages(machine), wrap=False),
+        "LIMITS": _comment(_limits(machine), wrap=False),
+        "WRENCH": _comment(wrench_lines(program, machine), indent=4),
+        "REACTION_NAMES": _comment(_reactions(program), indent=4),
+        "GRAVITY": gravity_words(program),
+    }
+
+
+def gravity_words(program: Program) -> str:
+    """What the torques hold of the arm's weight."""
+    if program.context.loaded.task.robot.balanced:
+        return "nothing for the weight, which a counterweight carries (robot.balanced)"
+    return "gravity included"
+
+
+def _comment(lines: Iterable[str], *, indent: int = 1, wrap: bool = True) -> str:
+    """Lines of a comment, each after ` * `; nothing in them ends it."""
+    before = f"{' ' * indent}* " if indent == 1 else " " * (indent + 3)
+    found = []
+    for line in lines:
+        # Names of joints are those of the robot's file.
+        safe = line.replace("*/", "* /").replace("/*", "/ *").encode("ascii", "replace").decode()
+        rows = textwrap.wrap(safe, _WIDTH - len(before)) if wrap else [safe]
+        found += [f"{before}{row}".rstrip() for row in rows]
+    return "\n".join(found)
+
+
+def _joints(program: Program, machine: Machine) -> list[str]:
+    """The table of the joints."""
+    context = program.context
+    robot = context.robot
+    rates = np.min([runner.stage.plan.torque_rates for runner in machine.runners], axis=0)
+    rows: list[tuple[str, ...]] = [
+        ("", "name", "q", "v", "torque", "start", "range", "torque limit", "rate limit")
+    ]
+    for i, name in enumerate(robot.joint_names):
+        hinge = robot.hinges[i]
+        units = [si_unit(d.on(rotation=hinge)) for d in (LENGTH, VELOCITY, FORCE)]
+        low, high = robot.lower[i], robot.upper[i]
+        rows.append(
+            (
+                *(f"{i}", name, *units, f"{round(context.start[i], 5) + 0.0:g}"),
+                f"{low:g} .. {high:g}" if np.isfinite([low, high]).any() else "none",
+                _limit(robot.torque_limit[i], units[2]),
+                _limit(rates[i], f"{units[2]}/s"),
+            )
+        )
+    if not np.isfinite(rates).any():
+        rows = [row[:-1] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
+def _limit(value: float, unit: str) -> str:
+    return f"{value:g} {unit}" if math.isfinite(value) else "none"
+
+
+def _torques(machine: Machine) -> str:
+    """How far torques are kept within the limits of the table, and their rates."""
+    said = "They are within the torque limits of the table at all times."
+    stages = [(runner.stage.name, runner.solver is not None) for runner in machine.runners]
+    if not any(np.isfinite(runner.stage.plan.torque_rates).any() for runner in machine.runners):
+        return said
+    others = ", ".join(name for name, solves in stages if not solves)
+    but = f", but not in {others}: what keeps them is 'solve: qp'" if others else ""
+    return f"{said} So are their rates{but}."
+
+
+def _stages(machine: Machine) -> list[str]:
+    """The stages by number, and the events that end them, beside limits that stop the task."""
+    stages, lines = [runner.stage for runner in machine.runners], list[str]()
+    for i, (stage, outs) in enumerate(zip(stages, exits(stages), strict=True)):
+        lines.append(f"{i}: {stage.name}")
+        for out in outs:
+            if out.to:
+                times = f", {out.repeat} times in a row" if out.repeat > 1 else ""
+                lines.append(f"     {out.event.name}: {out.event.text} -> {out.to}{times}")
+    return lines
+
+
+def _limits(machine: Machine) -> list[str]:
+    """The limits that stop the task in some stage, by their names; of joints the first and last."""
+    outs = [out for outs in exits([runner.stage for runner in machine.runners]) for out in outs]
+    found = dict[str, dict[str, None]]()
+    for out in outs:
+        if not out.to:
+            found.setdefault(out.event.name, {})[out.event.text] = None
+    lines = list[str]()
+    for name, texts in found.items():
+        first, *others = texts
+        last = f" .. {others[-1]}" if others else ""
+        lines.append(f"{name}: {first}{last}")
+    return lines or ["none"]
+
+
+def wrench_lines(program: Program, machine: Machine) -> list[str]:
+    """Axes, point and sign of the wrench."""
+    said = "By the environment on the tool: force x y z [N], then moment x y z about the tip [N m]."
+    if machine.sensor is None:
+        axes = (
+            "Of the contact alone, in world axes: the host turns a sensor's reading, and takes "
+            "the tool's weight and the sensor's zero from it."
+        )
+        return [said, axes]
+    task = program.context.loaded.task
+    weight = "no weight of the tool in it."
+    if task.robot.sensor.at == "wrist":
+        mass = program.context.robot.tool_body.mass
+        weight = f"with the weight of the tool ({mass:g} kg) in it, which is taken off here."
+    tares = [name for name, stage in task.stages.items() if stage.tare]
+    zero = (
+        f"Its zero is measured in {', '.join(tares)}."
+        if tares
+        else "Its zero is not measured here (no stage has 'tare'): the host takes it off."
+    )
+    return [said, f"A sensor's reading in the axes of the tip frame, {weight} {zero}"]
+
+
+def _reactions(program: Program) -> list[str]:
+    """The equations by number, with units and sign."""
+    equations = program.context.equations
+    if not equations:
+        return ["Not read: the task has no equations."]
+    rows = [
+        f"{i}: {name} [{'N m' if model.angular else 'N'}]: {model.constraint}"
+        for i, (name, model) in enumerate(equations.items())
+    ]
+    sign = "What the robot applies along the unit gradient of left minus right of each equation."
+    return [sign, *rows]

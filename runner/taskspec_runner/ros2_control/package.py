@@ -1,0 +1,287 @@
+"""The files of a ROS 2 package with a task's controller as a plugin of ros2_control."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from xml.etree import ElementTree
+
+import casadi as ca
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.deferred_methods import dataclass
+from taskspec.native import expressions_c
+from taskspec.program.execution.sensor_zero import SensorZero, sensor_zero
+from taskspec.program.program import Program
+from taskspec.robot import RobotModel
+from taskspec.robot.rigid_body import rigid_body
+from taskspec_runner.controller_c.source import Controller, controller_of
+from taskspec_runner.export.robot_description import robot_description
+from taskspec_runner.export.scene import RunScene
+from taskspec_runner.plant.arm import SceneArm
+from taskspec_runner.plant.names import PREFIX
+from taskspec_runner.plant.scene import scene_spec
+
+_TEMPLATES = Path(__file__).parent / "template"
+#: Of the example's force sensor: in ros2_control, and its site in MuJoCo.
+_SENSOR = "tool_sensor"
+_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+_WEIGHT_ROW = (
+    "| `weight_in_reading` | `false` | `true` where the tool's weight is in the reading: that of "
+    "the task's tool is subtracted |\n"
+)
+_WORLD_ROW = (
+    "| `wrench_in_world` | `false` | `true` where the six interfaces give the contact about the "
+    "tip in world axes: `sensor_position` and `sensor_rpy` are not used |\n"
+)
+_WEIGHED = "The tool's weight is in it (`at: wrist`), and the task takes it off."
+_UNWEIGHED = (
+    "The tool's weight must not be in it (`at: contact`): either the driver has taken it off, or "
+    "`weight_in_reading` is set."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RosPackage:
+    """A package of ROS 2.
+
+    Attributes:
+        name: of the package.
+        files: contents by their paths in it.
+    """
+
+    name: str
+    files: dict[str, bytes]
+
+    def write(self, folder: Path) -> list[Path]:
+        """Writes the files; their paths.
+
+        Raises:
+            OSError: the folder cannot be written.
+        """
+        paths = []
+        for name, content in self.files.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+            paths.append(path)
+        return paths
+
+
+def package_of(program: Program) -> RosPackage:
+    """The package of a program's controller.
+
+    Raises:
+        UnsupportedOperationError: an expression has an operation that C lacks.
+        ValueError: MuJoCo cannot write the scene.
+    """
+    made = controller_of(program)
+    package = re.sub("_+", "_", f"taskspec_{made.name.lower()}").rstrip("_")
+    example = _Example(program, package, made.name)
+    parts = _parts(program, made, package, example.notes)
+    texts = {
+        "src/controller.cpp": _filled("controller.cpp", parts),
+        f"src/{made.name}.h": made.header,
+        f"src/{made.name}.c": made.source,
+        f"src/{made.name}_model.h": _filled("model.h", parts),
+        f"src/{made.name}_model.c": _filled("model.c", parts),
+        "CMakeLists.txt": _filled("CMakeLists.txt", parts),
+        "package.xml": _filled("package.xml", parts),
+        "plugin.xml": _filled("plugin.xml", parts),
+        "README.md": _filled("README.md", parts),
+        "config/controllers.yaml": _filled("controllers.yaml", parts),
+        "launch/mujoco.launch.py": _filled("mujoco.launch.py.in", parts),
+        f"urdf/{made.name}.urdf.xacro": example.urdf,
+        "mujoco/scene.xml": example.scene,
+    }
+    files = {name: text.encode() for name, text in texts.items()}
+    return RosPackage(package, files | example.meshes)
+
+
+def _filled(name: str, parts: dict[str, str]) -> str:
+    text = (_TEMPLATES / name).read_text(encoding="utf-8")
+    return re.sub(r"@([A-Z_]+)@", lambda match: parts[match[1]], text)
+
+
+def _parts(
+    program: Program, made: Controller, package: str, notes: Sequence[str]
+) -> dict[str, str]:
+    """What stands in the places of the templates."""
+    context = program.context
+    robot, task, equations = context.robot, context.loaded.task, list(context.equations)
+    zero = sensor_zero(task, task.robot.sensor, robot)
+    weighs = zero is not None and task.robot.sensor.at == "wrist"
+    reactions = [f"{name}/reaction" for name in equations]
+    weight = {"WEIGHT": _WEIGHED if weighs else _UNWEIGHED}
+    return {
+        "NAME": made.name,
+        "UPPER": made.name.upper(),
+        "PACKAGE": package,
+        # It stands in comments, strings, XML and YAML.
+        "TITLE": re.sub(r"[^\w .,-]", "_", task.name, flags=re.ASCII),
+        "VERSION": version("taskspec-robotics"),
+        "RATE": f"{1 / context.period:g}",
+        "JOINTS": str(robot.n),
+        "JOINT_LIST": ", ".join(map(json.dumps, robot.joint_names)),
+        "JOINT_DEFAULT": ", ".join(f"`{name}`" for name in robot.joint_names),
+        "REACTION_LIST": ", ".join(map(json.dumps, reactions)),
+        "REACTION_NAMES": ", ".join(equations),
+        "WEIGHS": "true" if weighs else "false",
+        "START_ROWS": "".join(
+            f"| `{name}` | {float(x):.6g} |\n"
+            for name, x in zip(robot.joint_names, context.start, strict=True)
+        ),
+        "REACTION_ROW": (
+            "| state | `EQUATION/reaction`: " + ", ".join(f"`{name}`" for name in reactions) + " | "
+            "N or N m, along the gradient of the equation on joints as the file writes it, by the "
+            "constraint on the arm |\n"
+            if reactions
+            else ""
+        ),
+        "AND_SENSOR": ", sensor and reactions" if reactions else " and sensor",
+        "REACTION_PARAMETER": (
+            "| `reactions` | " + ", ".join(f"`{name}`" for name in reactions) + " | the state "
+            "interface of the reaction of each equation, in this order; no driver has these by "
+            "itself: hardware that measures or estimates them exports them |\n"
+            if reactions
+            else ""
+        ),
+        "WRENCH_ROWS": ("" if weighs else _WEIGHT_ROW) + (_WORLD_ROW if zero is None else ""),
+        "WRENCH_MEANING": _filled(
+            "wrench_of_contact.md" if zero is None else "wrench_read.md", weight
+        ),
+        "EXAMPLE_PARAMETERS": "" if weighs else "    weight_in_reading: true\n",
+        "SCENE_NOTES": "".join(f"\n{note}\n" for note in notes),
+        "PRELUDE": expressions_c.PRELUDE,
+        "MODEL": expressions_c.expression_c(_model(robot), "model"),
+    }
+
+
+def _model(robot: RobotModel) -> ca.Function:
+    """q (n,) -> axes of the tip (9,), gravity (n,), weight of the tool in these axes (6,)."""
+    body, q = rigid_body(robot), ca.SX.sym("q", robot.n)
+    terms = body.terms(q, ca.SX.zeros(robot.n))
+    weight = SensorZero(robot, weighs=True).weight(terms.R)
+    outputs = [ca.densify(ca.vec(terms.R)), ca.densify(terms.gravity), ca.densify(weight)]
+    return ca.Function("model", [q], outputs, {"cse": True})
+
+
+class _Example:
+    """The arm at the task's start in its world, for mujoco_ros2_control.
+
+    Attributes:
+        scene: MJCF.
+        urdf: with the ros2_control section, as xacro.
+        meshes: files of meshes by their paths in the package.
+        notes: what of the task's world the scene has not.
+    """
+
+    def __init__(self, program: Program, package: str, name: str) -> None:
+        """The example of a program.
+
+        Args:
+            program: whose nominal world it is.
+            package: the package's name.
+            name: of the controller.
+        """
+        context = program.context
+        task, robot = context.loaded.task, context.robot
+        arm = SceneArm(robot, task.robot, context.start)
+        spec = scene_spec(arm, task, drawn=True, whole=False)
+        for sensor in list(spec.sensors):
+            spec.delete(sensor)
+        for body in spec.bodies:
+            if not body.name.startswith(PREFIX) and body is not spec.worldbody:
+                body.gravcomp = 1.0
+        spec.body(robot.tip_body).add_site(name=_SENSOR)
+        for kind in ("force", "torque"):
+            spec.add_sensor(
+                name=f"{_SENSOR}_{kind}",
+                type=getattr(mujoco.mjtSensor, f"mjSENS_{kind.upper()}"),
+                objtype=mujoco.mjtObj.mjOBJ_SITE,
+                objname=_SENSOR,
+            )
+        model = spec.compile()
+        positions = model.qpos0.copy()
+        positions[arm.places(model).positions] = robot.coupling.joints(context.start)
+        spec.add_key(name="start", qpos=positions)
+        model = spec.compile()
+        self.scene = spec.to_xml()
+        self.meshes: dict[str, bytes] = {}
+        self._package = package
+        described = robot_description(RunScene.still(model, robot.coupling), name, self._mesh_file)
+        self.urdf = _controlled(described, package, robot)
+        self.notes = _left_out(program)
+
+    def _mesh_file(self, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> str:
+        path = f"urdf/meshes/{len(self.meshes)}.stl"
+        self.meshes[path] = _stl(vertices, faces)
+        return f"package://{self._package}/{path}"
+
+
+def _stl(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bytes:
+    """A mesh as binary STL; readers take the normals from the order of the corners."""
+    triangles = np.zeros(len(faces), dtype=_STL_TRIANGLE)
+    triangles["corners"] = vertices[faces]
+    return bytes(80) + np.uint32(len(faces)).tobytes() + triangles.tobytes()
+
+
+def _controlled(urdf: str, package: str, robot: RobotModel) -> str:
+    """A URDF with the section of ros2_control, as xacro."""
+    xacro = "http://www.ros.org/wiki/xacro"
+    ElementTree.register_namespace("xacro", xacro)
+    root = ElementTree.fromstring(urdf)
+    root.insert(0, ElementTree.Element(f"{{{xacro}}}arg", name="headless", default="false"))
+    made = ElementTree.SubElement(root, "ros2_control", name="MujocoSystem", type="system")
+    hardware = ElementTree.SubElement(made, "hardware")
+    plugin = ElementTree.SubElement(hardware, "plugin")
+    plugin.text = "mujoco_ros2_control/MujocoSystemInterface"
+    for name, value in (
+        ("mujoco_model", f"$(find {package})/mujoco/scene.xml"),
+        ("initial_keyframe", "start"),
+        ("headless", "$(arg headless)"),
+    ):
+        ElementTree.SubElement(hardware, "param", name=name).text = value
+    for name in robot.joint_names:
+        joint = ElementTree.SubElement(made, "joint", name=name)
+        ElementTree.SubElement(joint, "command_interface", name="effort")
+        for kind in ("position", "velocity", "effort"):
+            ElementTree.SubElement(joint, "state_interface", name=kind)
+    sensor = ElementTree.SubElement(made, "sensor", name=_SENSOR)
+    ElementTree.SubElement(sensor, "param", name="mujoco_type").text = "fts"
+    ElementTree.SubElement(sensor, "param", name="mujoco_sensor_name").text = _SENSOR
+    for kind in ("force", "torque"):
+        for axis in "xyz":
+            ElementTree.SubElement(sensor, "state_interface", name=f"{kind}.{axis}")
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True)
+
+
+def _left_out(program: Program) -> list[str]:
+    """What of a task's world the example's scene has not, a paragraph each."""
+    context = program.context
+    task = context.loaded.task
+    notes = [
+        f"MuJoCo {mujoco.__version__} has written the scene; mujoco_ros2_control brings its own."
+    ]
+    if context.equations or context.bushings:
+        named = ", ".join(f"`{name}`" for name in (*context.equations, *context.bushings))
+        notes.append(
+            f"The scene has not: the equations and bushings of the task ({named}), which "
+            f"taskspec's plant adds to MuJoCo. Nothing exports their reactions here."
+        )
+    if context.moving_bases:
+        named = ", ".join(f"`{name}`" for name in context.moving_bases)
+        notes.append(f"In the scene stand still what moves by itself in the task: {named}.")
+    if task.shapes and context.robot.tool.flat:
+        notes.append(
+            "In the scene the tool touches with a few spheres, not with its whole surface."
+        )
+    if task.robot.sensor != type(task.robot.sensor)():
+        notes.append("The sensor of the scene has no bias, noise, low-pass or delay.")
+    return notes

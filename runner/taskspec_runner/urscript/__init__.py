@@ -1,0 +1,1 @@
+"""A task as a program of a Universal Robots arm."""

@@ -1,0 +1,44 @@
+"""What a controller takes and answers in a run of a shipped task, for what is exported of it."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from taskspec.compiler import compile_task
+from taskspec.program.program import Program
+from taskspec.spec import load_task
+from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.sensing import Sensing
+
+TASKS = Path(__file__).resolve().parents[1] / "tasks"
+
+
+@cache
+def program(name: str) -> Program:
+    return compile_task(load_task(TASKS / f"{name}.yaml"))
+
+
+@cache
+def recorded(name: str) -> tuple[np.ndarray, np.ndarray, str]:
+    """Samples (ticks, numbers) of a run by the machine, its torques (ticks, n), and its end."""
+    made = program(name)
+    parts = assemble(made)
+    machine, plant, period = parts.machine, parts.plant, made.context.period
+    sensing = Sensing(plant.arm, plant.views.equations, machine)
+    sensing.read()
+    machine.start()
+    samples, torques = [], []
+    while not machine.ended:
+        if samples:
+            sensing.read()
+        wrench = machine.wrench if machine.sensor is None else machine.sensor.reading
+        reactions = machine.reactions if machine.reactions.size else np.zeros(1)
+        clock = len(samples) * period
+        samples.append(np.concatenate([machine.q, machine.v, wrench, reactions, [clock]]))
+        machine.tick(clock)
+        torques.append(machine.torque.copy())
+        plant.step(machine.torque)
+    return np.array(samples), np.array(torques), machine.ended
