@@ -58,7 +58,7 @@ def test_all_operations_have_the_bits_of_the_virtual_machine(compiler, tmp_path)
             f"void {name}(const double *const *a, double *const *r);\n"
             f"void {name}(const double *const *a, double *const *r) {{ {name}_(a, r); }}"
         )
-    (tmp_path / "f.c").write_text("\n".join(text))
+    (tmp_path / "f.c").write_text("\n".join([*text, ""]))
     done = subprocess.run(
         [compiler, *STRICT, "-O2", "-fno-builtin", "-shared", "-fPIC", "f.c", "-o", "f.so", "-lm"],
         cwd=tmp_path, capture_output=True, text=True,
