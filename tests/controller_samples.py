@@ -15,6 +15,30 @@ from taskspec_runner.loop.sensing import Sensing
 
 TASKS = Path(__file__).resolve().parents[1] / "tasks"
 
+#: Touches a wall and presses on it, with a sensor that is tared.
+TOUCH = """\
+taskspec: 1
+name: touch
+robot:
+  model: planar2
+  sensor: {noise: 0.05 N, bias: [0.3 N, 0, 0, 0, 0, 0], filter: 200 Hz, delay: 2 ms}
+  start: {xyz: [400 mm, 100 mm, 0]}
+world:
+  wall:
+    {shape: plane, xyz: [402 mm, 0, 0], rpy: [0, -90 deg, 0], stiffness: 10 kN/m, damping: 30 N*s/m}
+stages:
+  tare: {axes: {}, time: 50 ms, tare: true}
+  approach:
+    axes: {x: {velocity: 20 mm/s}, y: {position: 5 mm * sin(2*pi*t/(0.2 s))}}
+    until: force.x > 1 N
+    within: {time: 0.4 s}
+  hold:
+    axes: {x: {force: 5 N, ramp: 50 ms}}
+    time: 0.3 s
+expect:
+  - last(hold.force.x) within 5 N +- 0.5 N
+"""
+
 
 @cache
 def program(name: str) -> Program:

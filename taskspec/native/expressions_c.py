@@ -21,11 +21,6 @@ from taskspec.native.kernel_c import number
 
 #: What functions call; one that is not used costs nothing.
 PRELUDE = """\
-#include <math.h>
-#include <stdbool.h>
-#include <stdint.h>
-#include <string.h>
-
 static inline double ts_signs(double x, double y, bool either)
 {
     uint64_t a, b;

@@ -36,12 +36,16 @@ _TYPES = {
     Kind.NONE: "void",
 }
 
-#: What Python means where C means something else. A function that is not used costs nothing.
-PRELUDE = """\
+#: What stands ahead of all C.
+INCLUDES = """\
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
+#include <string.h>
 
+"""
+#: What Python means where C means something else. A function that is not used costs nothing.
+PRELUDE = """\
 static inline int64_t py_mod(int64_t x, int64_t y)
 {
     int64_t rest = x % y;

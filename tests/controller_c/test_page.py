@@ -12,32 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from controller_samples import TOUCH
 from taskspec_runner.runs import Run
 
 ROOT = Path(__file__).resolve().parents[2]
-#: Under the name that the page has: a press on a wall, with a sensor that is tared, and a limit.
-TASK = """\
-taskspec: 1
-name: wipe-table
-robot:
-  model: planar2
-  sensor: {noise: 0.05 N, bias: [0.3 N, 0, 0, 0, 0, 0], filter: 200 Hz, delay: 2 ms}
-  start: {xyz: [400 mm, 100 mm, 0]}
-world:
-  wall:
-    {shape: plane, xyz: [402 mm, 0, 0], rpy: [0, -90 deg, 0], stiffness: 10 kN/m, damping: 30 N*s/m}
-stages:
-  tare: {axes: {}, time: 50 ms, tare: true}
-  approach:
-    axes: {x: {velocity: 20 mm/s}, y: {position: 5 mm * sin(2*pi*t/(0.2 s))}}
-    until: force.x > 1 N
-    within: {time: 0.4 s}
-  hold:
-    axes: {x: {force: 5 N, ramp: 50 ms}}
-    time: 0.3 s
-expect:
-  - last(hold.force.x) within 5 N +- 0.5 N
-"""
 
 
 @pytest.mark.skipif(not (shutil.which("cc") and shutil.which("bash")), reason="needs a C compiler")
@@ -49,7 +27,7 @@ def test_the_commands_of_the_page(tmp_path: Path) -> None:
     assert page.count("taskspec run tasks/wipe-table.yaml`") == 1
     for name in ("tasks", "bin", "examples"):
         (tmp_path / name).mkdir()
-    (tmp_path / "tasks" / "wipe-table.yaml").write_text(TASK)
+    (tmp_path / "tasks" / "wipe-table.yaml").write_text(TOUCH.replace("touch", "wipe-table", 1))
     (tmp_path / "examples" / "plant").symlink_to(ROOT / "examples" / "plant")
     shim = tmp_path / "bin" / "taskspec"
     shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m taskspec_runner "$@"\n')

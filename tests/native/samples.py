@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import enum
+import itertools
 import math
+from collections.abc import Callable
 
-from taskspec.native.kernel import Counts, Record, Vector, Words, call
+import buffers
+import numpy as np
+
+from taskspec.native.kernel import Counts, Record, Vector, Words, call, vector
 
 _HALF, _MANY, _ON = 0.5, 7, True
 
@@ -249,3 +254,16 @@ def twice(x: float) -> float:
 
 def _halved(x: float) -> float:
     return 0.5 * x
+
+
+def mean_the_same(function: Callable[..., None], run: Callable[..., object]) -> None:
+    """Holds a compiled function of these against Python's, for numbers of all kinds."""
+    floats = [0.0, -0.0, 0.3, 1.0, -2.75, 3.5e8, 5e-324, np.inf, -np.inf, np.nan]
+    ints = [0, 1, 2, 3, 5] if function is memory else [0, 1, -1, 3, -7, 20, 1234567890]
+    for x, y, i, j in itertools.product(floats, floats, ints, ints):
+        if function is loops and abs(i) + abs(j) > 100:
+            continue
+        ours, theirs = np.full(30, 0.125), np.full(30, 0.125)
+        run(ours.ctypes.data, x, y, i, j)
+        function(vector(theirs), x, y, i, j)
+        assert buffers.bits(ours) == buffers.bits(theirs), (x, y, i, j)

@@ -13,6 +13,7 @@ import pytest
 
 from taskspec.native.expressions import OPERATIONS, has_bits_of_casadi, operands_of
 from taskspec.native.expressions_c import PRELUDE, expression_c
+from taskspec.native.kernel_c import INCLUDES
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function", "-pedantic")
 VALUES = np.array(
@@ -51,14 +52,14 @@ def test_all_operations_have_the_bits_of_the_virtual_machine(compiler, tmp_path)
         result = ca.SX.unary(code, x) if len(given) == 1 else ca.SX.binary(code, x, y)
         functions[f"f{code}"] = ca.Function(f"f{code}", [x, y], [ca.densify(result)])
     assert len(functions) > 30
-    text = [PRELUDE]
+    text = [INCLUDES, PRELUDE]
     for name, function in functions.items():
         text.append(expression_c(function, f"{name}_"))
         text.append(
             f"void {name}(const double *const *a, double *const *r);\n"
             f"void {name}(const double *const *a, double *const *r) {{ {name}_(a, r); }}"
         )
-    (tmp_path / "f.c").write_text("\n".join(text))
+    (tmp_path / "f.c").write_text("\n".join([*text, ""]))
     done = subprocess.run(
         [compiler, *STRICT, "-O2", "-fno-builtin", "-shared", "-fPIC", "f.c", "-o", "f.so", "-lm"],
         cwd=tmp_path, capture_output=True, text=True,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import importlib.util
-import itertools
 import linecache
 import math
 import re
@@ -36,15 +35,7 @@ def code(request) -> Engine:
 @pytest.mark.parametrize("function", samples.ALL, ids=lambda f: f.__name__)
 def test_constructs_mean_the_same(function, code) -> None:
     run = code.function(function.__name__, None, *ARGUMENTS)
-    floats = [0.0, -0.0, 0.3, 1.0, -2.75, 3.5e8, 5e-324, np.inf, -np.inf, np.nan]
-    ints = [0, 1, 2, 3, 5] if function is samples.memory else [0, 1, -1, 3, -7, 20, 1234567890]
-    for x, y, i, j in itertools.product(floats, floats, ints, ints):
-        if function is samples.loops and abs(i) + abs(j) > 100:
-            continue
-        ours, theirs = np.full(30, 0.125), np.full(30, 0.125)
-        run(ours.ctypes.data, x, y, i, j)
-        function(vector(theirs), x, y, i, j)
-        assert buffers.bits(ours) == buffers.bits(theirs), (x, y, i, j)
+    samples.mean_the_same(function, run)
 
 
 INTS = st.integers(-(2**20), 2**20)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import itertools
 import shutil
 import subprocess
 
@@ -13,8 +12,8 @@ import pytest
 import samples
 
 from taskspec.native import quadratic
-from taskspec.native.kernel import KernelError, vector
-from taskspec.native.kernel_c import PRELUDE, kernel_c
+from taskspec.native.kernel import KernelError
+from taskspec.native.kernel_c import INCLUDES, PRELUDE, kernel_c
 
 ARGUMENTS = (ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int64, ctypes.c_int64)
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function", "-pedantic")
@@ -42,22 +41,14 @@ def compiled(request, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def code(compiled):
-    return compiled("samples", PRELUDE + kernel_c(*samples.ALL))
+    return compiled("samples", INCLUDES + PRELUDE + kernel_c(*samples.ALL))
 
 
 @pytest.mark.parametrize("function", samples.ALL, ids=lambda f: f.__name__)
 def test_constructs_mean_the_same(function, code) -> None:
     run = getattr(code, function.__name__)
     run.argtypes, run.restype = ARGUMENTS, None
-    floats = [0.0, -0.0, 0.3, 1.0, -2.75, 3.5e8, 5e-324, np.inf, -np.inf, np.nan]
-    ints = [0, 1, 2, 3, 5] if function is samples.memory else [0, 1, -1, 3, -7, 20, 1234567890]
-    for x, y, i, j in itertools.product(floats, floats, ints, ints):
-        if function is samples.loops and abs(i) + abs(j) > 100:
-            continue
-        ours, theirs = np.full(30, 0.125), np.full(30, 0.125)
-        run(ours.ctypes.data, x, y, i, j)
-        function(vector(theirs), x, y, i, j)
-        assert buffers.bits(ours) == buffers.bits(theirs), (x, y, i, j)
+    samples.mean_the_same(function, run)
 
 
 def test_two_calls_in_one_expression_are_refused() -> None:
@@ -69,7 +60,7 @@ def test_two_calls_in_one_expression_are_refused() -> None:
 
 def test_the_dual_solver_gives_the_same_bits(compiled) -> None:
     """The kernel that solves programs, over its record."""
-    library = compiled("quadratic", PRELUDE + kernel_c(quadratic.solve))
+    library = compiled("quadratic", INCLUDES + PRELUDE + kernel_c(quadratic.solve))
     library.solve.argtypes, library.solve.restype = [ctypes.c_void_p], ctypes.c_int64
     random, states = np.random.default_rng(5), set()
     for _ in range(40):

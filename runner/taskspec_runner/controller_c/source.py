@@ -105,6 +105,7 @@ def controller_of(program: Program) -> Controller:
     parts = {
         "INITIAL": _initial(layout),
         "FUNCTIONS": _functions(layout),
+        "PRELUDE": kernel_c.PRELUDE + expressions_c.PRELUDE.rstrip(),
         "KERNEL": _kernel(),
         "MEMBERS": "\n".join(f"    {member};" for member in layout.members()),
         "FILLING": "\n".join(f"    {line}" for line in layout.filling()),

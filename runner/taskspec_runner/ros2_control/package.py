@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
-from taskspec.native import expressions_c
+from taskspec.native import expressions_c, kernel_c
 from taskspec.program.execution.sensor_zero import SensorZero, sensor_zero
 from taskspec.program.program import Program
 from taskspec.robot import RobotModel
@@ -157,7 +157,7 @@ def _parts(
         ),
         "EXAMPLE_PARAMETERS": "" if weighs else "    weight_in_reading: true\n",
         "SCENE_NOTES": "".join(f"\n{note}\n" for note in notes),
-        "PRELUDE": expressions_c.PRELUDE,
+        "PRELUDE": kernel_c.INCLUDES + expressions_c.PRELUDE,
         "MODEL": expressions_c.expression_c(_model(robot), "model"),
     }
 

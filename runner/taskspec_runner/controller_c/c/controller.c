@@ -12,6 +12,8 @@
 #endif
 
 #include <math.h>
+#include <stdbool.h>
+#include <stdint.h>
 #include <string.h>
 
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
@@ -25,29 +27,7 @@
 
 /* ---- what Python means where C means something else */
 
-static inline int64_t py_mod(int64_t x, int64_t y)
-{
-    int64_t rest = x % y;
-    return rest != 0 && (rest ^ y) < 0 ? rest + y : rest;
-}
-static inline int64_t py_floor_div(int64_t x, int64_t y)
-{
-    return x / y - (x % y != 0 && ((x % y) ^ y) < 0);
-}
-static inline int64_t py_abs(int64_t x) { return x < 0 ? -x : x; }
-static inline int64_t py_min(int64_t x, int64_t y) { return y < x ? y : x; }
-static inline int64_t py_max(int64_t x, int64_t y) { return y > x ? y : x; }
-static inline double py_fmin(double x, double y) { return y < x ? y : x; }
-static inline double py_fmax(double x, double y) { return y > x ? y : x; }
-static inline double ts_signs(double x, double y, bool either)
-{
-    uint64_t a, b;
-    memcpy(&a, &x, sizeof a);
-    memcpy(&b, &y, sizeof b);
-    a = either ? (a | b) : (a & b);
-    memcpy(&x, &a, sizeof x);
-    return x;
-}
+@PRELUDE@
 
 /* ---- the machine */
 
