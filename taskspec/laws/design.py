@@ -13,8 +13,8 @@ from dataclasses import replace
 from typing import Protocol
 
 from taskspec.deferred import ca
-from taskspec.laws.servo_loop import Contact
 from taskspec.laws.gains import FORCE_MASS, AxisDesign, AxisPlant, Gain, LawGain, is_number
+from taskspec.laws.servo_loop import Contact
 
 SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
 _MOTION_BANDWIDTH = 5.0

@@ -26,15 +26,16 @@ TORQUE_FADING, _VELOCITY_FADING = 1000.0, 2.0
 
 @dataclass(frozen=True, slots=True)
 class Drives:
-    """What the joints of an arm are commanded, in the machine's own terms.
+    """What the joints of an arm are commanded.
 
-    An arm that takes positions is commanded by velocities too: whoever passes them on adds them up.
+    A law commands torques or velocities. An arm that takes positions is commanded the sums of the
+    velocities, from where it starts.
 
     Attributes:
-        commands: `torque` [N m, N] or `velocity` [rad/s, m/s].
-        most: (n,) greatest size of a joint's command.
+        commands: `torque` [N m, N], `velocity` [rad/s, m/s] or `position` [rad, m].
+        most: (n,) greatest size of what a law commands a joint.
         rates: (n,) how fast it may change [1/s of its unit]; infinite where nothing limits it.
-        fading: how fast what the last stage commanded fades [1/s of its unit].
+        fading: how fast what the last stage's law commanded fades [1/s of its unit].
         loop: the servo, as force loops have it; None for torques.
     """
 
@@ -43,6 +44,11 @@ class Drives:
     rates: Vector
     fading: float
     loop: ServoLoop | None = None
+
+    @property
+    def positions(self) -> bool:
+        """Whether positions are commanded."""
+        return self.commands == "position"
 
     @property
     def torques(self) -> bool:
@@ -74,4 +80,4 @@ def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
     corner = math.inf if sensor.filter is None else 2 * math.pi * sensor.filter
     w = 2 * math.pi * servo.bandwidth
     loop = ServoLoop(w, servo.damping, delay, corner)
-    return Drives("velocity", most, rates, _VELOCITY_FADING, loop)
+    return Drives(declared.command, most, rates, _VELOCITY_FADING, loop)

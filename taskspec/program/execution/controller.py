@@ -283,6 +283,8 @@ def opened(c: ControllerMemory) -> bool:
         pose = c.entry_poses[12 * (k - c.needs[c.stage]) :]
         copy(c.estimated_poses[12 * c.needed[k] :], pose, 12)
     evaluate(c.entry)
+    if c.has_last_torque:
+        copy(c.torque, c.last_torque, c.n)
     c.next_knot = _next_knot(c, 0.0)
     if c.choice.code != 0:
         _choose(c)

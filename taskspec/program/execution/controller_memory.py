@@ -323,6 +323,8 @@ def _of_stage(shared: ControllerMemory, machine: Machine, runner: StageRunner) -
     record.tares = runner.stage.plan.spec.tare and machine.sensor is not None
     limits = np.array([each.is_limit for each in runner.stage.events], dtype=np.int64)
     record.take(limit_events=limits)
+    if runner.last_command is not None:
+        record.take(has_last_torque=True, last_torque=runner.last_command)
     chooser = runner.chooser
     if chooser is not None:
         record.choice = Evaluation(chooser.look)
@@ -390,7 +392,6 @@ def _take_programs(
     record.take(
         has_program=True,
         n_requests=len(solver.cut),
-        has_last_torque=solver.last_torque is not None,
         clamped_cut=solver.clamped_cut,
         cut=solver.cut,
         cut_before=np.zeros_like(solver.cut),
@@ -398,8 +399,6 @@ def _take_programs(
         unreachable=solver.unreachable,
         asks=solver.nearest is not None,
     )
-    if solver.last_torque is not None:
-        record.take(last_torque=solver.last_torque)
     if solver.own is None:
         return
     record.assemble = Evaluation(solver.assemble)

@@ -82,7 +82,8 @@ class Machine:
         period: of control [s].
         runners: of the stages, in their order; `runner` is that of the current one.
         terms: the model terms.
-        rest: (n,) what an arm at rest is commanded: the torques that carry it, or no velocity.
+        rest: (n,) what an arm at rest is commanded: the torques that carry it, no
+            velocity, or where it stands.
         now: stage time, run time [s], and how often each stage has been entered.
         estimation: what is measured for later stages.
         counts: which stage follows an event, and how often stages have been entered.
@@ -118,8 +119,8 @@ class Machine:
         self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self.terms = terms(robot, self.q, self.v)
-        torques = stages[0].plan.context.drives.torques
-        self.rest = self.terms.gravity if torques else np.zeros(robot.n)
+        self._drives = stages[0].plan.context.drives
+        self.rest = self.terms.gravity if self._drives.torques else np.zeros(robot.n)
         self.now = np.zeros(2 + len(stages))
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.handed = np.zeros(hand_over.SIZE)
@@ -161,7 +162,9 @@ class Machine:
     def start(self) -> None:
         """Enters the first stage from rest at the measured pose."""
         self.update_terms()
-        self.torque[:] = self.rest
+        if self._drives.positions:
+            self.rest[:] = self.q
+        self.torque[:] = self.applied[:] = self.rest
         self._rest_here()
         self._begin(0)
         self._enter(0.0)
@@ -389,7 +392,7 @@ class Machine:
         self.now[0], self.now[1] = 0.0, clock
         if self.runner.tick.groups:
             self._group()
-        self.runner.enter(self.estimation.poses)
+        self.runner.enter(self.estimation.poses, self.applied)
 
     def _group(self) -> None:
         """Groups the instructions of what each tick evaluates."""

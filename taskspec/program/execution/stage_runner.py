@@ -11,6 +11,7 @@ from taskspec.program.bound import BoundFunction
 from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.stage_solver import OwnSolver, StageSolver
 from taskspec.program.execution.tracks import Tracks
+from taskspec.program.limits.programs import LAST_COMMAND
 from taskspec.program.stages.carried_torque import RATE, STEP, carrying
 from taskspec.program.stages.conditions import resting
 from taskspec.program.stages.stage import CompiledStage
@@ -80,9 +81,10 @@ class StageRunner:
         self.leaving = BoundFunction(stage.leaving, [outputs, inputs[0][1:2]], [handed])
         slots = stage.parameters.slots
         self.carried = np.zeros(1)
+        self.last_command = parameters[slots[LAST_COMMAND]] if LAST_COMMAND in slots else None
         step = *(parameters[slots[name]] for name in (STEP, RATE)), self.carried
         self.carrying = BoundFunction(
-            carrying(len(torque), stage.plan.context.drives.fading), [last, self._closed_form], step
+            carrying(len(torque), _fading(stage)), [last, self._closed_form], step
         )
         self.chooser, self.least_conditioning = None, -np.inf
         if stage.choice is not None:
@@ -94,13 +96,14 @@ class StageRunner:
                 stage.resolution, slots, arguments, parameters, handed_over, torque, outputs, own
             )
 
-    def enter(self, poses: Mapping[str, Vector]) -> None:
+    def enter(self, poses: Mapping[str, Vector], applied: Vector) -> None:
         """Begins the stage from what is handed over.
 
         Of its set points is taken what contacts cannot return, before its first tick.
 
         Args:
             poses: (12,) of the estimated frames, by parameter.
+            applied: (n,) command of the tick before.
         """
         self.place(poses)
         self.entry.evaluate()
@@ -108,6 +111,8 @@ class StageRunner:
         if self.chooser is not None:
             self.chooser.first()
         before = self._torque.copy()
+        if self.last_command is not None:
+            self.last_command[:] = applied
         self.tick.evaluate()
         if self.solver is not None:
             self.solver.settle()
@@ -145,6 +150,8 @@ class StageRunner:
         Args:
             applied: (n,) torque of the tick before [N m].
         """
+        if self.last_command is not None:
+            self.last_command[:] = applied
         if self.solver is None:
             self.tick.evaluate()
             return True
@@ -170,3 +177,9 @@ class StageRunner:
     def refresh(self, t: float) -> None:
         """Renews the cubics that change at stage time t [s]."""
         self.tracks.refresh(t)
+
+
+def _fading(stage: CompiledStage) -> float:
+    """How fast the command fades that a stage carries on, in its unit by 1 s."""
+    context = stage.plan.context
+    return context.drives.fading * (context.period if context.drives.positions else 1.0)

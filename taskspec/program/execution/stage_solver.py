@@ -83,8 +83,7 @@ class StageSolver:
         applied: (n,) torque of the tick before.
         nearest: the forces that contacts return; None where nothing is requested of them.
         unreachable: slot of what is left of them.
-        limited, cut, last_torque: slots of the stage's parameters that are written for the next
-            tick; `last_torque` is None where torques may change at any rate.
+        limited, cut: slots of the stage's parameters that are written for the next tick.
         clamped_cut: (r,) what the tick itself has taken from pushes.
         clear: whether no limit was active in the last tick.
         paring: whether the last tick requested forces that contacts do not return.
@@ -122,7 +121,6 @@ class StageSolver:
         self.limited = parameters[slots["limited"]]
         self.cut = parameters[slots["cut"]] if r else nothing
         self.unreachable = parameters[slots["unreachable"]] if r else nothing
-        self.last_torque = parameters[slots["last_torque"]] if "last_torque" in slots else None
         self.applied = np.zeros(n)
         self.clear, self.paring = True, False
         pieces, bounds = np.split(handed_over, [resolution.handed])
@@ -165,8 +163,6 @@ class StageSolver:
     def remember(self, applied: Vector) -> None:
         """Has the next tick change its torque from (n,) `applied` at the limited rate."""
         self.applied[:] = applied
-        if self.last_torque is not None:
-            self.last_torque[:] = applied
 
     def resolve(self) -> bool:
         """Replaces the torque where it breaks a limit; whether there is one that may be used."""

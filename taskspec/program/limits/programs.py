@@ -33,6 +33,9 @@ from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.world import kinematics
 
+#: The parameter with the command of the tick before.
+LAST_COMMAND = "last_torque"
+
 
 def resolve(
     plan: StagePlan,
@@ -74,7 +77,7 @@ def resolve(
         ),
         values=ca.vertcat(ca.SX(0, 1), *requested.values()),
     )
-    last = measurement.parameters.add("last_torque", n) if limits.torque_rate is not None else None
+    last = measurement.parameters.add(LAST_COMMAND, n) if limits.torque_rate is not None else None
     limited = limit_rows(
         context=context,
         limits=limits,

@@ -121,6 +121,8 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
     else:
         closed_form = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)
     fading = carried_torque.fading(measurement.parameters, measurement.clock, closed_form.shape[0])
+    if context.drives.positions:  # It is carried as what a period adds to a position.
+        fading = fading / context.period
     return Commanded(
         references,
         forces,

@@ -17,7 +17,7 @@ from taskspec.expression import Expression
 from taskspec.laws.gains import Gains
 from taskspec.program.errors import spec_error
 from taskspec.program.events import Condition, Event, code
-from taskspec.program.limits.programs import resolve
+from taskspec.program.limits.programs import LAST_COMMAND, resolve
 from taskspec.program.limits.resolution import Resolution, Resolved, saturated
 from taskspec.program.operators import choice, quick_operators
 from taskspec.program.plan import StagePlan
@@ -115,6 +115,11 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     commanded = command(filled, measurement)
     limited = _limited(plan, measurement, commanded) if plan.law.solve == "qp" else None
     torque = limited.limits.torque if limited else saturated(context.drives, commanded.torque)
+    closed_form = commanded.closed_form
+    if context.drives.positions:
+        before = measurement.parameters.add(LAST_COMMAND, context.robot.n)
+        torque = before + context.period * torque
+        closed_form = before + context.period * closed_form
     measurement.table.situation.torque = torque
     number, value, events = code(_conditions(plan, measurement, commanded))
     memory, parameters, references = (
@@ -130,7 +135,7 @@ def _compiled(plan: StagePlan) -> CompiledStage:
         remembered,
         outputs((number, value), measurement, commanded, limited, context.followed),
         limited.handed_over if limited else ca.SX(0, 1),
-        commanded.closed_form,
+        closed_form,
     ]
     arguments = [*measurement.inputs.symbols(), memory.vector(), parameters.vector()]
     law = [commanded.closed_form, remembered, of_the_law(measurement, commanded)]
