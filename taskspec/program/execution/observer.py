@@ -49,7 +49,7 @@ class Observer:
         visit = machine.index, float(machine.now[2 + machine.index])
         if visit != self._visit:
             self._visit = visit
-            stage.enter(machine.estimation.poses, machine.applied)
+            stage.enter(machine.estimation.poses)
         stage.tick()
 
 
