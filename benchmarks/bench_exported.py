@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.compiler import compile_task
 from taskspec.control.qp.dual import dual_solver
 from taskspec.native import quadratic
 from taskspec.native.code import Compiling, kernel_engine
@@ -32,12 +31,14 @@ from taskspec.program.execution.controller_memory import ControllerMemory, contr
 from taskspec.program.execution.exits import repeats
 from taskspec.program.limits import relaxing
 from taskspec.program.program import Program
-from taskspec.spec import load_task
 from taskspec_runner.controller_c.source import controller_of
-from taskspec_runner.loop.assembly import assemble
-from taskspec_runner.loop.sensing import Sensing
 
-TASKS = Path(__file__).resolve().parent.parent / "tasks"
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "tests"))
+
+import controller_samples  # noqa: E402
+
+TASKS = ROOT / "tasks"
 ROUNDS = 100
 #: How many times the time of the native loop's code the C may take.
 MOST = 1.1
@@ -101,26 +102,6 @@ def _take(c: ControllerMemory, wrench: Vector, sample: Vector) -> None:
     copy(sample[n:], c.v, n)
     copy(sample[2 * n :], wrench, 6)
     copy(sample[2 * n + 6 :], c.reactions, c.n_reactions)
-
-
-def recorded(program: Program) -> Array:
-    """Samples (ticks, numbers) of a run, as the header of the C has them."""
-    parts = assemble(program)
-    machine, plant, period = parts.machine, parts.plant, program.context.period
-    sensing = Sensing(plant.arm, plant.views.equations, machine)
-    sensing.read()
-    machine.start()
-    samples: list[Array] = []
-    while not machine.ended:
-        if samples:
-            sensing.read()
-        wrench = machine.wrench if machine.sensor is None else machine.sensor.reading
-        reactions = machine.reactions if machine.reactions.size else np.zeros(1)
-        clock = len(samples) * period
-        samples.append(np.concatenate([machine.q, machine.v, wrench, reactions, [clock]]))
-        machine.tick(clock)
-        plant.step(machine.torque)
-    return np.array(samples)
 
 
 class ByMachineCode:
@@ -196,8 +177,8 @@ def main(wanted: list[str]) -> int:
     for path in sorted(TASKS.glob("*.yaml")):
         if wanted and path.stem not in wanted:
             continue
-        program = compile_task(load_task(path), force=True)
-        samples = recorded(program)
+        program = controller_samples.program(path.stem)
+        samples, *_ = controller_samples.recorded(path.stem)
         with tempfile.TemporaryDirectory() as folder:
             both: tuple[ByMachineCode | ByC, ...] = (
                 ByMachineCode(program),

@@ -30,6 +30,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+import native
 from taskspec.compiler import compile_task
 from taskspec.control.qp.dual import dual_solver
 from taskspec.native.kernel import Kind
@@ -66,7 +67,7 @@ REPETITIONS = 30
 #: What `--table` replaces.
 _MARK = "<!-- table: exported -->"
 #: States of the header.
-RUNNING, DONE, FAILED, STOPPED, ATTEMPTS, UNKNOWN, UNANSWERED = range(7)
+RUNNING, DONE, FAILED, STOPPED, ATTEMPTS, UNKNOWN, UNANSWERED = range(7)  # of `STATES`
 
 
 # --- worlds ----------------------------------------------------------------------------------
@@ -107,18 +108,8 @@ class Ran:
 
 def by_native_loop(program: Program, world: World, path: Path) -> Ran:
     """A run by the native loop."""
-    parts = assemble(program, world)
-    with closing(parts.recorder(Log(path))) as recorder:
-        outcome = fixed_step.run(
-            parts.machine,
-            parts.plant,
-            parts.bus,
-            recorder,
-            program.context.period,
-            seed=world.noise_seed,
-            loop=fixed_step.NATIVE,
-        )
-    return Ran(outcome.status, outcome.ticks, _digest(path))
+    status, _, ticks, digest = native.ran(program, path, fixed_step.NATIVE, world)
+    return Ran(status, ticks, digest)
 
 
 class Exported:
@@ -283,21 +274,26 @@ class Row:
 def row(task: str, ticks: int, folder: Path) -> Row:
     """Runs a task for so many ticks, at least once, and all builds of it."""
     program = compile_task(load_task(ROOT / "tasks" / f"{task}.yaml"), force=True)
-    made, log = Exported(program, folder), folder / "log.arrow"
+    made, log, own = (
+        Exported(program, folder),
+        folder / "log.arrow",
+        folder / "native" / "log.arrow",
+    )
+    own.parent.mkdir()
     samples: list[Array] = []
     differ, ended, count, total = [], Counter[str](), 0, 0
     for world in worlds(program, 0):
-        native = by_native_loop(program, world, log)
-        ran = made.run(world, log, None if count else samples)
-        if ran != native:
-            differ.append(f"{world.label or 'true'}: {native}, {ran}")
-        ended[native.ended] += 1
-        count, total = count + 1, total + native.ticks
+        wanted = by_native_loop(program, world, own)
+        found = made.run(world, log, None if count else samples)
+        if found != wanted:
+            differ.append(f"{world.label or 'true'}: {wanted}, {found}")
+        ended[wanted.ended] += 1
+        count, total = count + 1, total + wanted.ticks
         if total >= ticks:
             break
     given = np.array(samples)
-    wanted = replayed(made, given)
-    builds = [name for name, by in BUILDS.items() if answered(made, given, by) != wanted]
+    answers = replayed(made, given)
+    builds = [name for name, by in BUILDS.items() if answered(made, given, by) != answers]
     times = timed(made, given)
     measured = (made.bytes, made.code, made.seconds, builds, times)
     return Row(task, total, count, differ, dict(ended), *measured)

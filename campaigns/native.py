@@ -18,6 +18,7 @@ from random_tasks import write_tasks
 
 from taskspec.compiler import compile_task
 from taskspec.program.program import Program
+from taskspec.program.worlds import World
 from taskspec.spec import load_task
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.loop import fixed_step
@@ -28,11 +29,13 @@ from taskspec_runner.record.log import Log
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def ran(program: Program, path: Path, loop: str) -> tuple[str, int, str]:
-    """How a run ended, its ticks, and the SHA-256 of its log."""
+def ran(
+    program: Program, path: Path, loop: str, world: World | None = None
+) -> tuple[str, str, int, str]:
+    """How a run in a world ended, and why, its ticks, and the SHA-256 of its log."""
     for old in (path, path.with_name("log.block")):
         old.unlink(missing_ok=True)
-    parts = assemble(program)
+    parts = assemble(program, world)
     with closing(parts.recorder(Log(path))) as recorder:
         outcome = fixed_step.run(
             parts.machine,
@@ -40,10 +43,11 @@ def ran(program: Program, path: Path, loop: str) -> tuple[str, int, str]:
             parts.bus,
             recorder,
             program.context.period,
+            seed=0 if world is None else world.noise_seed,
             loop=loop,
         )
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return f"{outcome.status} {outcome.reason}", outcome.ticks, digest
+    return outcome.status, outcome.reason, outcome.ticks, digest
 
 
 def main() -> int:
@@ -67,7 +71,7 @@ def main() -> int:
                 continue
             log = Path(folder) / "log.arrow"
             by = {loop: ran(program, log, loop) for loop in (INTERPRETED, NATIVE, PYTHON)}
-            ticks += by[PYTHON][1]
+            ticks += by[PYTHON][2]
             if len(set(by.values())) > 1:
                 different += 1
                 sys.stdout.write(f"{file.stem}: {by}\n")

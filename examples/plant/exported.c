@@ -34,7 +34,7 @@ static const char *answered(const struct sample *s, double *torque) {
     if (s->flags & START) OF(start)(task, &in, &answer);
     else OF(step)(task, &in, &answer);
     memcpy(torque, answer.torque, sizeof answer.torque);
-    /* The plant ends the run where the file does. Where it goes on, it is told why not. */
+    /* The plant ends the run where the file does. Where it goes on, the plant gets the reason. */
     return over && answer.state != 0 ? OF(status)(task).text : 0;
 }
 

@@ -104,9 +104,9 @@ def driven(built, drive):
     """What a plugin answers to records (rows, 2 + values), what it says, and the exit code."""
 
     def answers(name: str, records: np.ndarray, *given: str, rate: str = "") -> tuple:
-        asked = rate or f"{1 / program(name).context.period:g}"
+        wanted = rate or f"{1 / program(name).context.period:g}"
         done = subprocess.run(
-            [drive, built(name), asked, *given], input=records.tobytes(), capture_output=True
+            [drive, built(name), wanted, *given], input=records.tobytes(), capture_output=True
         )
         answered = np.frombuffer(done.stdout).reshape(-1, program(name).context.robot.n + 1)
         return answered, done.stderr.decode(), done.returncode

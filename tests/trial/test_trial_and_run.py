@@ -28,8 +28,8 @@ def test_there_are_tasks_to_compare():
 def test_a_shipped_task_is_stable_and_its_trial_agrees_with_its_run(path, tmp_path):
     """All of them pass: an error is a false one, and their gains settle."""
     examined = examine(load_task(path))
-    told = [d for d in examined.findings if d.severity is Severity.ERROR or d.code[:3] == "TS5"]
-    assert told == []
+    found = [d for d in examined.findings if d.severity is Severity.ERROR or d.code[:3] == "TS5"]
+    assert found == []
     program = admit(examined)
     tried = trial(program, loop=NATIVE)
     assert tried.good

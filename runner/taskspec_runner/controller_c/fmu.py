@@ -22,6 +22,7 @@ from taskspec.native.kernel_c import number
 from taskspec.program.program import Program
 from taskspec_runner.controller_c.header import gravity_words
 from taskspec_runner.controller_c.source import Controller, controller_of, filled
+from taskspec_runner.controller_c.states import BEARS, STATES
 
 #: Versions of FMI that there are FMUs of.
 FMI_VERSIONS = (2, 3)
@@ -43,7 +44,7 @@ _COMPILERS = ("cc", "gcc", "clang")
 _FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-shared")
 #: When all files of an FMU were written, so that the same task has the same bytes.
 _WRITTEN = (1980, 1, 1, 0, 0, 0)
-#: What the standard's grammar of structured names has besides letters, digits and underscores.
+#: What the standard's grammar of structured names has beyond letters, digits and underscores.
 _QUOTABLE = re.compile(r"[\w!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]+", re.ASCII)
 
 
@@ -214,14 +215,12 @@ def _variables(program: Program, controller: Controller) -> list[FmuVariable]:
             FmuVariable(f"reaction.{_written(name, i)}", "Float64", "input", text, "0.0", unit)
         )
     of_joints("torque", ("N.m", "N"), "output", f"commanded torque, {gravity_words(program)},")
-    bears = re.search(r"_BEARS (\d+)", controller.header)
-    assert bears is not None
     text = "control periods within a communication step that may lack a sample; more end the task"
     return [
         *found,
         FmuVariable("state", "Enumeration", "output", "whether the task goes on", declared="State"),
         FmuVariable("stage", "Enumeration", "output", "in which it is, or ended", declared="Stage"),
-        FmuVariable("lost_samples", "Int64", "parameter", text, bears[1]),
+        FmuVariable("lost_samples", "Int64", "parameter", text, str(BEARS)),
         FmuVariable("event", "String", "output", "short name of what ended the task, or empty"),
         FmuVariable(
             "reason",
@@ -239,13 +238,10 @@ def _written(name: str, i: int) -> str:
     return name if name.isidentifier() else f"'{name}'"
 
 
-def _types(program: Program, controller: Controller) -> dict[str, list[tuple[str, int, str]]]:
+def _types(program: Program) -> dict[str, list[tuple[str, int, str]]]:
     """Name, value and text of the items of each enumeration."""
-    states = re.findall(
-        rf"{controller.name.upper()}_([A-Z_]+) = (\d+),? *(?:/\* (.*) \*/)?", controller.header
-    )
     return {
-        "State": [(name.lower(), int(value), text) for name, value, text in states],
+        "State": [(name.lower(), i, text) for i, (name, text) in enumerate(STATES)],
         "Stage": [(stage.name, i, "") for i, stage in enumerate(program.stages)],
     }
 
@@ -265,7 +261,7 @@ def _description_3(
     )
     _add_units(root, variables)
     types = SubElement(root, "TypeDefinitions")
-    for name, items in _types(program, controller).items():
+    for name, items in _types(program).items():
         _add_items(SubElement(types, "EnumerationType", name=name), items)
     _add_categories(root)
     SubElement(root, "DefaultExperiment", startTime="0", stepSize=period)
@@ -302,7 +298,7 @@ def _description_2(
         SubElement(files, "File", name=name)
     _add_units(root, variables)
     types = SubElement(root, "TypeDefinitions")
-    for name, items in _types(program, controller).items():
+    for name, items in _types(program).items():
         of_type = SubElement(types, "SimpleType", name=name)
         _add_items(SubElement(of_type, "Enumeration"), items)
     _add_categories(root)

@@ -25,6 +25,7 @@ from taskspec.program.execution.transition import END, exits
 from taskspec.program.program import Program
 from taskspec_runner.controller_c.header import header_facts, wrench_lines
 from taskspec_runner.controller_c.layout import Layout
+from taskspec_runner.controller_c.states import BEARS, STATES
 
 _FOLDER = Path(__file__).parent / "c"
 #: Of an instance beside its layout, as controller.c has it.
@@ -222,6 +223,12 @@ def _facts(program: Program, machine: Machine, name: str, layout: Layout) -> dic
         "START": ", ".join(number(float(q)) for q in context.start),
         "SENSOR": str(int(machine.sensor is not None)),
         "SIZE": str(layout.size + 8 * robot.n + _OWN_BYTES),
+        "BEARS": str(BEARS),
+        "STATES": "\n".join(
+            f"    /* {text} */\n    {name.upper()}_{state} = {i},"
+            for i, (state, text) in enumerate(STATES)
+        ).removesuffix(","),
+        "STATE_WORDS": "\n".join(f"    {_quoted(text)}," for _, text in STATES),
         "STAGES": str(len(stages)),
         "STAGE_NAMES": ", ".join(map(_quoted, stages)),
         "READING": _reading(machine, layout),

@@ -20,7 +20,8 @@ from taskspec.program.execution.sensor_zero import SensorZero, sensor_zero
 from taskspec.program.program import Program
 from taskspec.robot import RobotModel
 from taskspec.robot.rigid_body import rigid_body
-from taskspec_runner.controller_c.source import Controller, controller_of
+from taskspec_runner.controller_c.source import Controller, controller_of, filled
+from taskspec_runner.controller_c.states import BEARS, STATES
 from taskspec_runner.export.robot_description import robot_description
 from taskspec_runner.export.scene import RunScene
 from taskspec_runner.plant.arm import SceneArm
@@ -104,8 +105,7 @@ def package_of(program: Program) -> RosPackage:
 
 
 def _filled(name: str, parts: dict[str, str]) -> str:
-    text = (_TEMPLATES / name).read_text(encoding="utf-8")
-    return re.sub(r"@([A-Z_]+)@", lambda match: parts[match[1]], text)
+    return filled((_TEMPLATES / name).read_text(encoding="utf-8"), parts)
 
 
 def _parts(
@@ -126,6 +126,9 @@ def _parts(
         "TITLE": re.sub(r"[^\w .,-]", "_", task.name, flags=re.ASCII),
         "VERSION": version("taskspec-robotics"),
         "RATE": f"{1 / context.period:g}",
+        "BEARS": str(BEARS),
+        "STATES": str(len(STATES)),
+        "STATE_LIST": ", ".join(json.dumps(name.lower()) for name, _ in STATES),
         "JOINTS": str(robot.n),
         "JOINT_LIST": ", ".join(map(json.dumps, robot.joint_names)),
         "JOINT_DEFAULT": ", ".join(f"`{name}`" for name in robot.joint_names),

@@ -111,7 +111,7 @@ class _Writer:
             "What the task has and this program lacks is marked by LOST, with its line there.",
         ]
 
-    # NamedValues
+    # Named values
 
     def _general(self) -> None:
         self._constants.group = "Tune on the robot"

@@ -70,6 +70,14 @@ class Reader:
         self.now[name] = f"{functions[kind]}({frame})"
         return name
 
+    def coordinate(self, axis: Axis, frame: str = "frame") -> str:
+        """A measured coordinate; turns count from the stage's start in its own frame."""
+        where = self.measured("where", frame)
+        if not axis.is_rotation:
+            return f"{where}[{axis.row}]"
+        self.now["turned"] = f"turned_since(place, {where})"
+        return f"turned[{axis.row}]"
+
     def _remembered(self, node: Held | Reduce, text: str) -> str:
         """A variable with the time for which a condition has held, or with an extreme."""
 
@@ -124,10 +132,6 @@ class Reader:
         raise UntranslatableError(name, f"the program does not measure '{name}'")
 
     def _position(self, name: Name, axis: Axis, frame: str) -> str:
-        where = self.measured("where", frame)
-        if not axis.is_rotation:
-            return f"{where}[{axis.row}]"
-        if frame != "frame":
+        if axis.is_rotation and frame != "frame":
             raise UntranslatableError(name, "turns count from the stage's start in its own frame")
-        self.now["turned"] = f"turned_since(place, {where})"
-        return f"turned[{axis.row}]"
+        return self.coordinate(axis, frame)

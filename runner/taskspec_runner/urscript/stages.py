@@ -45,7 +45,7 @@ class PartError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Counted:
-    """What a program counts because something in the task asks for it.
+    """What a program counts because something in the task reads it.
 
     Attributes:
         clock: the time since the task began.
@@ -144,7 +144,7 @@ class StageWriter:
         return out.lines
 
     def _clocks(self) -> list[str]:
-        """ScriptLines that count time on."""
+        """Lines that count time on."""
         lines = ["t = t + STEP"]
         return [*lines, "clock = clock + STEP"] if self._counted.clock else lines
 
@@ -165,11 +165,7 @@ class StageWriter:
         plan = self._stage.plans[axis]
         if plan.leads and not isinstance(plan.mode, Hold):
             return str(axis)
-        where = self._reader.measured("where")
-        if not axis.is_rotation:
-            return f"{where}[{axis.row}]"
-        self._reader.now["turned"] = f"turned_since(place, {where})"
-        return f"turned[{axis.row}]"
+        return self._reader.coordinate(axis)
 
     def _is_position(self, expression: Expression) -> bool:
         modes = (plan.mode for plan in self._stage.plans.values())

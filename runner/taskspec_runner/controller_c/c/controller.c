@@ -225,16 +225,7 @@ int32_t @NAME@_step(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAM
 }
 
 static const char *const host_words[] = {
-    "the task goes on",
-    "", "", "",
-    "a stage has been entered as often as it may be",
-    "a stage cannot begin: its frame has not been estimated",
-    "the program that keeps the limits has had no answer for too long",
-    "state or torque is no longer finite",
-    "a number of a sample is not finite",
-    "a stamp of the robot's clock stands still, runs back, or is no time of a run",
-    "too many samples in a row have been lost: does the host step at the task's rate?",
-    "the task has not been started",
+@STATE_WORDS@
 };
 
 struct @NAME@_status @NAME@_status(const struct @NAME@ *m)

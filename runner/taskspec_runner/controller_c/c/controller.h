@@ -43,7 +43,7 @@ extern "C" {
 /* Of control [s]. */
 #define @UPPER@_PERIOD @PERIOD@
 /* Lost samples in a row that are borne at first. */
-#define @UPPER@_BEARS 20
+#define @UPPER@_BEARS @BEARS@
 /* Whether the wrench is a reading, from which weight and zero are still to be taken. */
 #define @UPPER@_READS_SENSOR @SENSOR@
 /* Joint positions where the task of the file starts. */
@@ -53,18 +53,7 @@ extern "C" {
 
 /* Why a task has ended, or that it goes on. */
 enum @NAME@_state {
-    @UPPER@_RUNNING = 0,
-    @UPPER@_DONE = 1,        /* it reached its end */
-    @UPPER@_FAILED = 2,      /* it reached `fail` */
-    @UPPER@_STOPPED = 3,     /* a limit of the task */
-    @UPPER@_ATTEMPTS = 4,    /* a stage has been entered as often as it may be */
-    @UPPER@_UNKNOWN = 5,     /* a frame has not been estimated */
-    @UPPER@_UNANSWERED = 6,  /* the program that keeps the limits has had no answer */
-    @UPPER@_DIVERGED = 7,    /* numbers are not those of a sane arm */
-    @UPPER@_BAD_SAMPLE = 8,  /* a number of a sample is not finite */
-    @UPPER@_BAD_STAMP = 9,   /* a stamp stands still, runs back, or is no time of a run */
-    @UPPER@_LOST = 10,       /* more samples in a row have been lost than are borne */
-    @UPPER@_NOT_STARTED = 11 /* no start yet */
+@STATES@
 };
 
 /* A sample: what is measured at one instant. */

@@ -42,9 +42,8 @@ constexpr bool WEIGHS = @WEIGHS@;
 constexpr std::array<double, JOINTS> START @UPPER@_START;
 constexpr std::array<const char *, 6> WRENCH{"force.x", "force.y", "force.z",
                                              "torque.x", "torque.y", "torque.z"};
-constexpr std::array<const char *, 12> STATES{
-  "running", "done", "failed", "stopped", "attempts", "unknown",
-  "unanswered", "diverged", "bad_sample", "bad_stamp", "lost", "not_started"};
+constexpr std::array<const char *, @STATES@> STATES{
+  @STATE_LIST@};
 
 class Controller : public controller_interface::ControllerInterface
 {
@@ -64,7 +63,7 @@ public:
         auto_declare<std::vector<std::string>>("reactions", {@REACTION_LIST@});
       }
       auto_declare<bool>("gravity_compensated", false);
-      auto_declare<int>("lost_samples", 20);
+      auto_declare<int>("lost_samples", @BEARS@);
       auto_declare<double>("start_tolerance", 0.05);
     } catch (const std::exception & error) {
       return refused(std::string("a parameter has another type: ") + error.what());
@@ -356,7 +355,7 @@ private:
   std::array<double, JOINTS> gravity_{}, efforts_now_{};
   double sign_ = 1.0, start_tolerance_ = 0.0;
   bool weighs_ = false, in_world_ = false, compensated_ = false, started_ = false;
-  std::int32_t lost_ = 20, unread_ = 0, unwritten_ = 0;
+  std::int32_t lost_ = @BEARS@, unread_ = 0, unwritten_ = 0;
   std::int64_t begin_ = 0;
   std::vector<double> memory_;
   struct @NAME@ * task_ = nullptr;
