@@ -144,7 +144,7 @@ def force_loop(law: DesignedLaw, axis: AxisDesign, damping: Gain | None = None) 
 
 
 def velocities(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
-    """Gains of an axis that is commanded by velocity: its own motion, or its force by p, i and d."""
+    """Gains of an axis that is commanded by velocity: of its motion, or p, i and d of its force."""
     if not axis.force:
         return _followed(axis)
     gains = {

@@ -102,8 +102,9 @@ class LinearPlant:
 
         Returns:
             A (s + 6 + e, s) and B (s + 6 + e, n): from the s states and from the command (n,), a
-            torque or what a servo follows, to the next ones, the wrench that a sensor at the tip has in the last
-            step of the plant, and what the robot applies along each of the e equations.
+            torque or what a servo follows, to the next ones, the wrench that a sensor at the tip
+            has in the last step of the plant, and what the robot applies along each of the e
+            equations.
         """
         c, h, n = self.size, self.period, self.n
         G = np.vstack([np.zeros((0, c)), *(r.G for r in self.rows)])
@@ -112,7 +113,9 @@ class LinearPlant:
         bending = sum((r.bending for r in self.rows), np.zeros((c, c)))
         now = np.eye(self.states + n)
         position, rate, command = now[:c], now[c : 2 * c], now[self.states :]
-        servo = self.servo and self.servo.begin(now[2 * c : self.states], command)
+        servo = (
+            None if self.servo is None else self.servo.begin(now[2 * c : self.states], command)
+        )
         on_joints = np.vstack([command, np.zeros((c - n, now.shape[1]))])
         inertia = self.H + G.T @ M @ G
         implicit = self.H + h * np.diag(self.damping)

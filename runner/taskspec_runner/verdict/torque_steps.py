@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.program.execution.transition import Transition
 from taskspec.program.drives import TORQUE_FADING
+from taskspec.program.execution.transition import Transition
 from taskspec_runner.record.file_array import blocks
 from taskspec_runner.record.history import History
 

@@ -5,9 +5,9 @@ as a stage begins, D, is added to what its law commands, and fades,
 
     u = u_law + D max(0, 1 - t/T_f),    T_f = max|D_j| / rate,
 
-with the rate of the arm's `Drives`, so that the command goes on without a step. D is chosen once and is over after T_f: the closed loop,
-and so its stability, is that of the law alone. It comes before saturation and before the program,
-so that all limits hold for the sum.
+with the rate of the arm's `Drives`, so that the command goes on without a step. D is chosen once
+and is over after T_f: the closed loop, and so its stability, is that of the law alone. It comes
+before saturation and before the program, so that all limits hold for the sum.
 """
 
 from __future__ import annotations
