@@ -35,6 +35,7 @@ class Admittance(ControlLaw):
     gains = (BANDWIDTH, MASS, DAMPING)
     derived = (K_V, STIFFNESS)
     commands = "velocity"
+    dual = "hybrid"
     force_loop = True
     selects = True
     rest = "K e of the soft axis"

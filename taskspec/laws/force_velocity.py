@@ -38,6 +38,7 @@ class ForceVelocity(ControlLaw):
     gains = (BANDWIDTH, FORCE_PROPORTIONAL, FORCE_INTEGRAL, FORCE_DAMPING)
     derived = (K_V,)
     commands = "velocity"
+    dual = "hybrid"
     force_loop = True
     selects = True
     axis_springs = False

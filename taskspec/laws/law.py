@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from taskspec.laws import conditions, design
@@ -44,6 +44,7 @@ class ControlLaw(ABC):
         rest: equation of the force that its springs come to rest with.
         commands: what it commands the joints: `torque`, or `velocity`, which an arm that takes
             positions is commanded by as well.
+        dual: the law that does the same on arms that take what this one does not command.
     """
 
     kind: ClassVar[str]
@@ -64,6 +65,7 @@ class ControlLaw(ABC):
     undamped: ClassVar[str] = ""
     rest: ClassVar[str] = "K e"
     commands: ClassVar[str] = "torque"
+    dual: ClassVar[str] = "admittance"
 
     @abstractmethod
     def command(self, case: Case) -> Command:
@@ -229,6 +231,17 @@ def register(law: _L) -> _L:
         raise ValueError(f"there is a law {law.kind!r} already")
     LAWS[law.kind] = law()
     return law
+
+
+def commanding(commands: str, having: Callable[[ControlLaw], bool]) -> str:
+    """The names of laws that command something and have a fact, as a message lists them.
+
+    Args:
+        commands: `torque` or `velocity`.
+        having: the fact.
+    """
+    fitting = (k for k, law in LAWS.items() if law.commands == commands and having(law))
+    return ", ".join(fitting)
 
 
 def gain_named(name: str) -> LawGain:

@@ -305,7 +305,7 @@ def _check_joints(data: Map, context: ParseContext) -> None:
     if "joints" not in mapping(data.get("path")):
         return
     for key, hint in _NOT_WITH_JOINTS.items():
-        law = law_of(data.get("law", context.data.get("law")))
+        law = law_of(data.get("law", context.data.get("law")), context)
         of_multipliers = key != "axes" and law is not None and LAWS[law].multipliers
         if key in data and not of_multipliers:
             message = f"'{key}' in a stage whose path is one of joints"
@@ -352,7 +352,7 @@ def _check_path_done(data: Map, context: ParseContext) -> None:
 
 def _check_modes(data: Map, context: ParseContext) -> None:
     """Report what the stage's law cannot do: motion and force, dampers of axes, set points."""
-    law = law_of(data.get("law", context.data.get("law")))
+    law = law_of(data.get("law", context.data.get("law")), context)
     if law is None:
         return
     facts, article = LAWS[law], "an" if law[0] in "aeio" else "a"
