@@ -47,6 +47,8 @@ _OTHERS = {
     "wrench": "force.z",
 }  # fmt: skip
 """What other systems call a signal."""
+_LOGGED = ("command", "servo", "exerted", "measured")
+"""Ends of columns of joints that the log has beside their signals."""
 _TRUTH = ("yes", "no", "on", "off", "true", "false")
 
 
@@ -160,6 +162,9 @@ def _signal(
         has = signals.OBJECT[scope.objects[head]]
         hint = suggestion(name, has, f"signals of '{head}'")
         return Problem("TS120", f"the object '{head}' has no signal '{name}'", start, end, hint)
+    if head == "joint" and path[-1] in _LOGGED:
+        hint = f"the log alone has it; in expressions: {'.'.join(path[:-1])}"
+        return Problem("TS120", f"'{'.'.join(path)}' is not a joint's signal", start, end, hint)
     if head == "joint":
         hint = "write joint.1.position, joint.1.velocity or joint.1.torque, counted from 1"
         return Problem("TS120", f"'{'.'.join(path)}' is not a joint's signal", start, end, hint)

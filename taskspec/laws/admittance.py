@@ -66,6 +66,10 @@ class Admittance(ControlLaw):
         pull = state.f[i] - set_point + K * reference.error[i]
         return (M * rate + T * pull) / (M + T * D + T**2 * K)
 
+    def unreturned(self, gains: Mapping[str, float]) -> float:  # noqa: ARG002
+        """Of the set point alone: it has no integral."""
+        return 1.0
+
     def loop_damping(self, gains: Mapping[str, float]) -> float:
         """D of the axis [N s/m]."""
         return gains.get("damping", 0.0)

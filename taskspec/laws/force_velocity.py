@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from taskspec.control.command import Command
@@ -46,6 +47,10 @@ class ForceVelocity(ControlLaw):
     def design(self, axis: AxisDesign) -> dict[str, Gain]:
         """p, i and d of a force axis; the bandwidth of others."""
         return design.velocities(self, axis)
+
+    def unreturned(self, gains: Mapping[str, float]) -> float:
+        """p of the set point, and as much as that has once the integral is full."""
+        return gains.get("force.proportional", 0.0) + (gains.get("force.integral", 0.0) > 0)
 
     def command(self, case: Case) -> Command:
         """The velocity of each axis."""

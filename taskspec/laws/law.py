@@ -116,6 +116,16 @@ class ControlLaw(ABC):
         """
         return gains.get("force.damping", gains.get("damping", 0.0))
 
+    def unreturned(self, gains: Mapping[str, float]) -> float:  # noqa: ARG002
+        """What a force loop pushes with against its damping where nothing returns its force.
+
+        A multiple of the set point: its own, and as much again once its integral is full.
+
+        Args:
+            gains: on the axis, by name [SI].
+        """
+        return 2.0
+
     # What it comes to
 
     def settles_at(self, *, moves: bool, reached: bool) -> str:  # noqa: ARG002
@@ -233,15 +243,14 @@ def register(law: _L) -> _L:
     return law
 
 
-def commanding(commands: str, having: Callable[[ControlLaw], bool]) -> str:
-    """The names of laws that command something and have a fact, as a message lists them.
+def commanding(commands: str, having: Callable[[ControlLaw], bool]) -> list[str]:
+    """The names of laws that command something and have a fact, for a message.
 
     Args:
         commands: `torque` or `velocity`.
         having: the fact.
     """
-    fitting = (k for k, law in LAWS.items() if law.commands == commands and having(law))
-    return ", ".join(fitting)
+    return [kind for kind, law in LAWS.items() if law.commands == commands and having(law)]
 
 
 def gain_named(name: str) -> LawGain:

@@ -22,7 +22,7 @@ from taskspec.spec.gains import AxisValues, GainField
 from taskspec.spec.model import Model, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import ForJoints
-from taskspec.spec.servo import TORQUE, VELOCITY, command_of
+from taskspec.spec.servo import PLURAL, TORQUE, VELOCITY, command_of
 from taskspec.spec.words import Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
@@ -347,7 +347,7 @@ class Law(Model):
                 f"the law '{kind}' leaves the null space alone",
                 data.node.key_span("null_space"),
                 "laws that do not: "
-                + commanding(LAWS[kind].commands, lambda law: law.holds_null_space),
+                + ", ".join(commanding(LAWS[kind].commands, lambda law: law.holds_null_space)),
             )
         has = LAWS[kind].gain_names
         force = mapping(data.get("force"))
@@ -396,11 +396,10 @@ def _check_command(kind: str, data: Map, context: ParseContext) -> None:
     given |= {f"force.{key}" for key in mapping(data.get("force"))}
     others = [LAWS[law.dual], *(each for each in LAWS.values() if each.commands != law.commands)]
     dual = next((each for each in others if given <= {*each.gain_names}), others[0]).kind
-    plural = {"torque": "torques", "velocity": "velocities", "position": "positions"}
     other = "command: torque" if takes != TORQUE else "command: velocity, or command: position"
     context.error(
         "TS140",
-        f"the law '{kind}' commands {plural[law.commands]}, and this robot takes {plural[takes]}",
+        f"the law '{kind}' commands {PLURAL[law.commands]}, and this robot takes {PLURAL[takes]}",
         span_of(data.get("kind")),
-        f"law: {dual}; or, for an arm that takes {plural[law.commands]}, under 'robot' {other}",
+        f"law: {dual}; or, for an arm that takes {PLURAL[law.commands]}, under 'robot' {other}",
     )

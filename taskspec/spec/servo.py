@@ -29,6 +29,7 @@ TORQUE: Literal["torque"] = "torque"
 VELOCITY, POSITION = "velocity", "position"
 COMMANDS = (TORQUE, VELOCITY, POSITION)
 """What the joints of an arm may be commanded."""
+PLURAL = {TORQUE: "torques", VELOCITY: "velocities", POSITION: "positions"}
 
 def command_of(data: Map) -> str:
     """What the joints are commanded by a raw task; torques where it says nothing that reads."""
