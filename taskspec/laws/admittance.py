@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from taskspec.control.command import Command
 from taskspec.laws import design
@@ -36,6 +36,7 @@ class Admittance(ControlLaw):
     derived = (K_V, STIFFNESS)
     commands = "velocity"
     dual = "hybrid"
+    following: ClassVar[Mapping[str, Mapping[str, float]]] = {"damping": {"mass": 1}}
     force_loop = True
     selects = True
     rest = "K e of the soft axis"

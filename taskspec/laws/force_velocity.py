@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from taskspec.control.command import Command
 from taskspec.laws import design
@@ -40,6 +40,9 @@ class ForceVelocity(ControlLaw):
     derived = (K_V,)
     commands = "velocity"
     dual = "hybrid"
+    following: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        "force.damping": {"force.integral": -1}
+    }
     force_loop = True
     selects = True
     axis_springs = False

@@ -44,6 +44,8 @@ class ControlLaw(ABC):
         rest: equation of the force that its springs come to rest with.
         commands: what it commands the joints: `torque`, or `velocity`, which an arm that takes
             positions is commanded by as well.
+        following: designed gains that change with another gain of their axis, by the other and by
+            themselves, with their power of it.
         dual: the law that does the same on arms that take what this one does not command.
     """
 
@@ -65,6 +67,7 @@ class ControlLaw(ABC):
     undamped: ClassVar[str] = ""
     rest: ClassVar[str] = "K e"
     commands: ClassVar[str] = "torque"
+    following: ClassVar[Mapping[str, Mapping[str, float]]] = {}
     dual: ClassVar[str] = "admittance"
 
     @abstractmethod

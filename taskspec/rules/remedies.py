@@ -44,6 +44,9 @@ def remedies(
 ) -> list[Limit]:
     """What would stabilise a stage: gains of the file before designed ones, a softer contact.
 
+    Under a servo it is what makes the stage quiet, too, and while friction holds its tool as well,
+    as far as that is possible: a loop that is just stable rings.
+
     Args:
         context: the task.
         analysed: the stage.
@@ -53,14 +56,34 @@ def remedies(
         ringing: whether it rings; else it is unstable.
     """
     search = Search(context, analysed, task, QUIET if ringing else STABLE, budget=budget)
+    if context.loaded.task.robot.takes_torques:
+        best = _best(analysed, search, axis)
+        return best if ringing else [_well_inside(limit) for limit in best]
+    stuck = None if analysed.sticking else analysed.stuck()
+    quiet = replace(search, good=QUIET)
+    ways = [quiet, search] if stuck is None else [replace(quiet, beside=(stuck,)), quiet, search]
+    for way in ways:
+        best = _best(analysed, way, axis)
+        if budget.take():
+            best += [each for each in way.robot() if each.what != BANDWIDTH and each.value > 0]
+        if best:
+            return [_well_inside(limit) for limit in best]
+    return []
+
+
+def _best(analysed: SampledStage, search: Search, axis: str) -> list[Limit]:
+    """Changes of gains, and of the stiffness of contacts, of one kind of search."""
     best = list(itertools.islice(_gains(analysed, search, axis), _MOST_PROPOSED))
+    gains = [analysed.stage.plan.gains.get(what, {}) for what in ("damping", "force.damping")]
+    designed = any(axis in by and by[axis].origin != "file" for by in gains)
+    if designed and not analysed.context.loaded.task.robot.takes_torques:
+        return best  # It is designed for the stiffness of the contact, and would change with it.
     for name in analysed.pressed:
-        if task is None and name in context.surfaces and budget.left > 0:
+        left = search.budget is None or search.budget.left > 0
+        if search.task is None and name in analysed.context.surfaces and left:
             limit = search.stiffness(name)
             best += [limit] if limit is not None and limit.upper else []
-    if not context.loaded.task.robot.takes_torques and budget.take():
-        best += [limit for limit in search.robot() if limit.what != BANDWIDTH and limit.value > 0]
-    return best if ringing else [_well_inside(limit) for limit in best]
+    return best
 
 
 def _well_inside(limit: Limit) -> Limit:

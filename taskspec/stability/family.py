@@ -55,7 +55,11 @@ class Family:
     def at(self, factor: float) -> LinearController:
         """The controller with its gain times `factor`."""
         if not self.controllers:
-            gains = scaled(self.sampled.stage.plan.gains, self.what, self.on, factor)
+            plan = self.sampled.stage.plan
+            gains = scaled(plan.gains, self.what, self.on, factor)
+            for name, power in plan.law.control_law.following.get(self.what, {}).items():
+                designed = [a for a in self.on if gains[name][a].origin != "file"]
+                gains = scaled(gains, name, designed, factor**power)
             return self.sampled.at.under(gains).linear()
         x = 1 / factor if self.what == "mass" else factor
         torque = np.zeros_like(self.sampled.controller.torque)

@@ -144,6 +144,7 @@ class Search:
         sampled: the stage as it is.
         task: whose world and robot are true; None for the nominal ones.
         good: what the modes are to be on the one side, and not on the other.
+        beside: the same stage as it is else, such as where friction holds its tool; to be as good.
         reach: how far from its value anything is looked for, either way.
         budget: of gains; None for all.
     """
@@ -154,6 +155,7 @@ class Search:
     good: Quality = STABLE
     reach: float = REACH
     budget: Budget | None = None
+    beside: tuple[SampledStage, ...] = ()
 
     def gains(
         self, axes: Sequence[str], *, given: bool | None = None, of: Sequence[str] = PROPOSED
@@ -212,12 +214,18 @@ class Search:
             return None
         if self.budget is not None and not self.budget.take():
             return None
-        family = Family.of(self.sampled, what, on)
-        if family is None:
+        plants = [plant, *(other.plant(task) for other in self.beside)]
+        families = [Family.of(sampled, what, on) for sampled in (self.sampled, *self.beside)]
+
+        def holds(factor: float) -> bool:
+            return all(
+                family is not None and self.good.holds(family.at(factor), plant, sensor, period)
+                for family, plant in zip(families, plants, strict=True)
+            )
+
+        if None in families:
             return None
-        found = _boundary(
-            lambda factor: self.good.holds(family.at(factor), plant, sensor, period), self.reach
-        )
+        found = _boundary(holds, self.reach)
         if found is None:
             return None
         factor, upper = found
@@ -326,9 +334,12 @@ class Search:
 
     def _holds(self, task: Task) -> bool:
         """Whether the stage as it is is good in a world."""
-        sampled, period = self.sampled, self.context.period
+        period = self.context.period
         sensor = SensorModel.of(task.robot.sensor, period)
-        return self.good.holds(sampled.controller, sampled.plant(task), sensor, period)
+        return all(
+            self.good.holds(each.controller, each.plant(task), sensor, period)
+            for each in (self.sampled, *self.beside)
+        )
 
 
 #: Numbers of the robot that delay a loop, by their paths.
@@ -345,11 +356,15 @@ def _with(task: Task, path: str, value: float) -> Task:
 
 
 def _stiffer(task: Task, name: str, factor: float, sampled: SampledStage) -> Task:
-    """The task with the stiffness of one object changed, and its damping left."""
+    """The task with the stiffness of one object changed, and its damping left.
+
+    Under a servo designed damping follows it, as it will once the file has that stiffness.
+    """
     compliance = sampled.context.compliances[name]
-    changed = task.world[name].model_copy(
-        update={"stiffness": compliance.stiffness * factor, "damping": compliance.damping}
-    )
+    changes: dict[str, object] = {"stiffness": compliance.stiffness * factor}
+    if task.robot.takes_torques:
+        changes["damping"] = compliance.damping
+    changed = task.world[name].model_copy(update=changes)
     return task.model_copy(update={"world": {**task.world, name: changed}})
 
 
