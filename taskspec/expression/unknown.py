@@ -162,11 +162,10 @@ def _signal(
         has = signals.OBJECT[scope.objects[head]]
         hint = suggestion(name, has, f"signals of '{head}'")
         return Problem("TS120", f"the object '{head}' has no signal '{name}'", start, end, hint)
-    if head == "joint" and path[-1] in _LOGGED:
-        hint = f"the log alone has it; in expressions: {'.'.join(path[:-1])}"
-        return Problem("TS120", f"'{'.'.join(path)}' is not a joint's signal", start, end, hint)
     if head == "joint":
-        hint = "write joint.1.position, joint.1.velocity or joint.1.torque, counted from 1"
+        logged = f"the log alone has it; in expressions: {'.'.join(path[:-1])}"
+        has = "write joint.1.position, joint.1.velocity or joint.1.torque, counted from 1"
+        hint = logged if path[-1] in _LOGGED else has
         return Problem("TS120", f"'{'.'.join(path)}' is not a joint's signal", start, end, hint)
     if head in _FAMILIES:
         return _of_family(path, start, end)

@@ -33,7 +33,7 @@ def unkept_limits(stage: StagePlan) -> Iterator[Finding]:
         hint = "solve the law by a program that keeps it, as in 'law: {kind: hybrid, solve: qp}'"
     else:
         why = f"of a robot that takes {task.robot.commands}: its torques are those of its servo"
-        hint = "say how fast the servo's reference changes: robot: {servo: {acceleration: .., jerk: ..}}"
+        hint = "limit the servo's reference: robot: {servo: {acceleration: .., jerk: ..}}"
     yield error(
         "TS214",
         f"nothing keeps 'torque_rate' {why}",

@@ -146,11 +146,9 @@ def text_of(context: Context, analysed: SampledStage, limit: Limit) -> str:
 def _each(context: Context, gains: Mapping[str, Gain], limit: Limit, factor: float) -> str:
     """The values of a designed gain on all its axes, as the file would have them."""
     unit = gain_named(limit.what)
-    values = (
-        f"{on}: {unit.setting(inside(factor * gains[on].value, limit.upper), angular=turns(context, on))}"
-        for on in limit.on
-    )
-    return f"{{{', '.join(values)}}}"
+    values = {on: inside(factor * gains[on].value, limit.upper) for on in limit.on}
+    texts = (f"{on}: {unit.setting(v, angular=turns(context, on))}" for on, v in values.items())
+    return f"{{{', '.join(texts)}}}"
 
 
 def _softer(context: Context, limit: Limit) -> str:

@@ -31,6 +31,7 @@ COMMANDS = (TORQUE, VELOCITY, POSITION)
 """What the joints of an arm may be commanded."""
 PLURAL = {TORQUE: "torques", VELOCITY: "velocities", POSITION: "positions"}
 
+
 def command_of(data: Map) -> str:
     """What the joints are commanded by a raw task; torques where it says nothing that reads."""
     command = mapping(data.get("robot")).get("command", TORQUE)
