@@ -8,7 +8,7 @@ import casadi as ca
 
 from taskspec.control import linear
 from taskspec.control.reference import Reference, opposite
-from taskspec.control.resolution import full_acceleration
+from taskspec.control.resolution import full_acceleration, resolved
 from taskspec.control.state import TaskState
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
@@ -143,6 +143,16 @@ class Case:
     def applied(wrench: ca.SX) -> ca.SX:
         """A force in the sign of what the robot applies."""
         return opposite(wrench)
+
+    def joint_rates(self) -> ca.SX:
+        """q' (n,) that the motion loops command of an arm that takes velocities.
+
+        On a path of joints that is q'_d + w (q_d - q), joint by joint.
+        """
+        if self.joints is not None:
+            return self.joints.velocity + self.of_joints("K_V") * self.joints.error
+        velocity = self.reference.velocity + self.diagonal("K_V") * self.reference.error
+        return resolved(velocity, self.state, self.posture)
 
     def joint_motion(self) -> ca.SX:
         """q'' (n,) that the motion loops command, whatever constrains the arm.

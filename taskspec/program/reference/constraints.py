@@ -127,7 +127,13 @@ def equation_gains(
         normals = _normals(context, name)
         inverse = float((normals * np.linalg.solve(context.start_inertia, normals)).sum(0).max())
         h = 1.0 / inverse if inverse > 0 else 1.0
-        plant = AxisPlant(h=h, held=h, k=context.compliances[name].stiffness, period=context.period)
+        plant = AxisPlant(
+            h=h,
+            held=h,
+            k=context.compliances[name].stiffness,
+            period=context.period,
+            servo=context.drives.loop,
+        )
         for gain, value in law.design_equation(model.angular, plant, worth).items():
             gains.setdefault(gain, {})[name] = value
     return gains

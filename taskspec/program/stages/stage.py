@@ -114,10 +114,10 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     filled = plan.but(gains=live)
     commanded = command(filled, measurement)
     limited = _limited(plan, measurement, commanded) if plan.law.solve == "qp" else None
-    torque = limited.limits.torque if limited else saturated(context.drives, commanded.torque)
+    torque = limited.limits.command if limited else saturated(context.drives, commanded.torque)
     closed_form = commanded.closed_form
     if context.drives.positions:
-        before = measurement.parameters.add(LAST_COMMAND, context.robot.n)
+        before = _last_command(measurement, context.robot.n)
         torque = before + context.period * torque
         closed_form = before + context.period * closed_form
     measurement.table.situation.torque = torque
@@ -128,7 +128,7 @@ def _compiled(plan: StagePlan) -> CompiledStage:
         commanded.references,
     )
     updates = references.updates | commanded.forces.updates | measurement.algebra.updates
-    updates |= commanded.kept
+    updates |= commanded.command.memory
     remembered = memory.stack(updates)
     results = [
         torque,
@@ -159,6 +159,14 @@ def _compiled(plan: StagePlan) -> CompiledStage:
         choice=candidates(arguments, commanded),
         resolution=limited.compiled(arguments) if limited else None,
     )
+
+
+def _last_command(measurement: Measurement, joints: int) -> ca.SX:
+    """The command (n,) of the tick before."""
+    parameters = measurement.parameters
+    if LAST_COMMAND in parameters:
+        return parameters.symbol(LAST_COMMAND)
+    return parameters.add(LAST_COMMAND, joints)
 
 
 def tunable(plan: StagePlan, measurement: Measurement) -> tuple[Gains, Gains]:
@@ -203,7 +211,7 @@ def _limited(plan: StagePlan, measurement: Measurement, commanded: Commanded) ->
         name: force + measurement.infeasible.unreachable[name]
         for name, force in commanded.set_points.items()
     }
-    return resolve(plan, measurement, wishes, commanded.torque)
+    return resolve(plan, measurement, wishes, commanded.torque, commanded.case.gains)
 
 
 def _conditions(plan: StagePlan, measurement: Measurement, commanded: Commanded) -> list[Condition]:

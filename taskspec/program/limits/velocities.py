@@ -1,0 +1,302 @@
+"""Limits of a stage under `solve: qp` whose law commands velocities, as rows of one program.
+
+The law's closed form wants the joint velocities z*. The program solves for z = z* + x with the
+least x^T P x, in the metric of the inertia: P has the null space yield before the motion on the
+task axes, and that before what moves along contacts and constraints. x = 0 is the closed form.
+
+A velocity is the robot's own business to follow. So that its servo meets no limit of its own, what
+is commanded
+
+- changes within a period by no more than the reference follows within its acceleration and jerk;
+- comes nearer to a limit of speed as slowly as the reference forgets an overshoot;
+- leaves room before a limit of position, and before a contact is pressed too hard, that is used up
+  at a rate which the delay of servo and sensor allows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.control import linear
+from taskspec.control.admissible import joint_velocities
+from taskspec.control.servo import overshoot
+from taskspec.control.state import TaskState
+from taskspec.deferred_methods import dataclass
+from taskspec.program.context import Context
+from taskspec.program.limits.bounds import (
+    COMMAND,
+    FORCE,
+    JOINT,
+    POSITION_MARGIN,
+    SPEED,
+    SPEED_SHARE,
+    TURN_SHARE,
+    VELOCITY_SHARE,
+    Bounds,
+    Source,
+    heading,
+    sides,
+)
+from taskspec.program.limits.contacts import ContactRow
+from taskspec.program.limits.limited import COST, LimitRows, Matrices, Pieces
+from taskspec.program.limits.pushes import FORCE_SHARE, Contacts
+from taskspec.robot.model_terms import TermSymbols
+from taskspec.spec import Limits
+from taskspec.text.units import ANGULAR_VELOCITY, VELOCITY, show
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityPieces(Pieces):
+    """Intermediate results of a tick that the matrices of its program are made of.
+
+    Attributes:
+        L: (n, n) Cholesky factor of H.
+        J: (t, n) of the t task axes; M: (t, t) Cholesky factor of J H^-1 J^T; both empty where the
+            arm is not redundant.
+        C: (c, n) of contacts and constraints.
+        active: (c,) whether each is there.
+        inertia: (c, c) Lambda_c of those that are.
+        along: (k, n) velocities along the directions in which speeds are kept.
+        requests: (r, n) force that a velocity stands for, along each requested one.
+        unit: (1,) what a velocity adds to a command: 1, or the period where that is a position.
+    """
+
+    L: ca.SX
+    J: ca.SX
+    M: ca.SX
+    C: ca.SX
+    active: ca.SX
+    inertia: ca.SX
+    along: ca.SX
+    requests: ca.SX
+    unit: ca.SX
+
+    def matrices(self, sources: Sequence[Source]) -> Matrices:
+        """The program's matrices."""
+        n = self.L.shape[0]
+        one = ca.SX.eye(n)
+        made = {COMMAND: one, JOINT: one, FORCE: self.C, SPEED: self.along}
+        return Matrices(
+            P=self._cost(),
+            A=ca.vertcat(ca.SX(0, n), *(made[kind][i, :] for kind, i in sources)),
+            requests=self.requests,
+            factor=self.unit * one,
+        )
+
+    def _cost(self) -> ca.SX:
+        """P (n, n), by parts that are orthogonal in the metric of H."""
+        null, motion, force = (COST[part] for part in ("null space", "motion", "force"))
+        H = self.L @ self.L.T
+        P = motion * H
+        if self.J.shape[0]:
+            Y = linear.forward(self.M, self.J)
+            P = null * H + (motion - null) * (Y.T @ Y)
+        if self.C.shape[0]:
+            there = ca.diag(self.active) @ self.C
+            P = P + (force - motion) * there.T @ self.inertia @ there
+        return P
+
+
+@dataclass(frozen=True, slots=True)
+class Commands:
+    """What joints are commanded, as a program has it.
+
+    Attributes:
+        wanted: (n,) z* [rad/s, m/s].
+        last: (n,) z of the tick before.
+        at: (n,) where the joints are, for their limits of position [rad, m].
+        unit: what a velocity adds to a command: 1, or the period where that is a position.
+    """
+
+    wanted: ca.SX
+    last: ca.SX
+    at: ca.SX
+    unit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pressed:
+    """A contact or an equation, as a velocity meets it.
+
+    Attributes:
+        row: of it.
+        yields: damping of a force loop on it that keeps its margins [N s/m, N m s/rad].
+        gap: to it, where it is nominally [m]; None for an equation that constrains the stage.
+    """
+
+    row: ContactRow
+    yields: float | ca.SX
+    gap: ca.SX | None
+
+
+def velocity_rows(
+    *,
+    context: Context,
+    limits: Limits,
+    state: TaskState,
+    terms: TermSymbols,
+    pressed: Sequence[Pressed],
+    requests: ca.SX,
+    commands: Commands,
+    v: ca.SX,
+) -> LimitRows:
+    """The limits of a stage, around the velocities that its law commands.
+
+    Args:
+        context: of the task.
+        limits: of the stage.
+        state: the arm on the task axes.
+        terms: model terms, in the world.
+        pressed: the contacts of the stage, and the equations that constrain it.
+        requests: (r, n) force that a velocity stands for, along each requested one.
+        commands: of the law.
+        v: (n,) measured.
+    """
+    found, wanted, n = Bounds(), commands.wanted, commands.wanted.shape[0]
+    _add_commands(found, context, commands)
+    _add_positions(found, context, commands)
+    on = Contacts([each.row for each in pressed], state.H_factor)
+    for i, each in enumerate(pressed):
+        _add_contact(found, limits, each, i, wanted, v)
+    along = _add_speeds(found, context, limits, terms, commands)
+    redundant = n > len(state.axes)
+    return LimitRows(
+        rows=tuple(found.rows),
+        sources=tuple(found.sources),
+        lower=ca.vertcat(ca.SX(0, 1), *found.lower),
+        upper=ca.vertcat(ca.SX(0, 1), *found.upper),
+        pieces=VelocityPieces(
+            L=state.H_factor,
+            J=state.J if redundant else ca.SX(0, n),
+            M=linear.cholesky(state.mobility) if redundant else ca.SX(0, 0),
+            C=on.J,
+            active=on.active,
+            inertia=on.inertia,
+            along=along,
+            requests=requests,
+            unit=ca.SX(commands.unit),
+        ),
+        command=wanted,
+        clamped=ca.SX(0),
+        cut=ca.SX.zeros(requests.shape[0]),
+        finite=ca.sumsqr(wanted) + ca.sumsqr(commands.last),
+    )
+
+
+def _add_commands(found: Bounds, context: Context, commands: Commands) -> None:
+    """Rows of the velocities, and of how fast they may change."""
+    drives, last = context.drives, commands.last
+    most, share = _fastest(context), drives.approach(context.period)
+    step = drives.rates * context.period
+    for i in range(len(most)):
+        if np.isfinite(most[i]) or np.isfinite(step[i]):
+            low, high = (
+                last[i] + ca.fmin(ca.fmax(share * (end - last[i]), -step[i]), step[i])
+                for end in (-most[i], most[i])
+            )
+            wanted = commands.wanted[i]
+            found.add(COMMAND, i, f"velocity of joint {i + 1}", low - wanted, high - wanted)
+
+
+def _add_positions(found: Bounds, context: Context, commands: Commands) -> None:
+    """Rows that keep joints from their limits of position."""
+    robot, drives = context.robot, context.drives
+    least, most = joint_velocities(
+        commands.at,
+        (ca.DM(robot.lower + POSITION_MARGIN), ca.DM(robot.upper - POSITION_MARGIN)),
+        ca.DM(_fastest(context)),
+        ca.DM(drives.rates),
+        drives.lag,
+    )
+    for i, ends in enumerate(zip(robot.lower, robot.upper, strict=True)):
+        if np.isfinite(ends).any():
+            wanted = commands.wanted[i]
+            text = f"position of joint {i + 1}"
+            found.add(JOINT, i, text, least[i] - wanted, most[i] - wanted)
+
+
+def _fastest(context: Context) -> Vector:
+    """(n,) the velocity that a joint may be commanded [rad/s, m/s]."""
+    drives = context.drives
+    assert drives.loop is not None
+    return np.asarray(VELOCITY_SHARE * drives.most / (1 + overshoot(drives.loop.ratio)))
+
+
+def _add_contact(
+    found: Bounds, limits: Limits, pressed: Pressed, number: int, wanted: ca.SX, v: ca.SX
+) -> None:
+    """The row of how fast a contact may be pressed further: it stops at the limit on force.
+
+    What moves on a constraint neither leaves it nor is pressed into it by another limit.
+    """
+    row, capped = pressed.row, limits.force is not None and not pressed.row.angular
+    into = row.J @ wanted + row.closing - row.J @ v
+    low, high = ca.SX(-ca.inf), ca.SX(ca.inf)
+    if pressed.gap is None:
+        low, high = ca.fmin(into, 0), ca.fmax(into, 0)
+    if capped:
+        assert limits.force is not None
+        cap = row.highest(FORCE_SHARE * limits.force)
+        left = cap - row.measured
+        if pressed.gap is not None:
+            left += ca.if_else(row.active, 0, row.stiffness * ca.fmax(pressed.gap, 0))
+        high = ca.fmin(high, left / pressed.yields)
+        if row.both_ways:
+            low = ca.fmax(low, -(cap + row.measured) / pressed.yields)
+        low = ca.fmin(low, high)
+    if capped or pressed.gap is None:
+        found.add(FORCE, number, f"force on {row.name}", low - into, high - into)
+
+
+def _add_speeds(
+    found: Bounds, context: Context, limits: Limits, terms: TermSymbols, commands: Commands
+) -> ca.SX:
+    """Rows that keep the speed of the tip, and how fast the tool turns.
+
+    The velocity lies in a box inside the ball of the limit, whose axis turns from what was
+    commanded last towards what the law commands.
+
+    Returns:
+        (k, n) velocities along the directions of the rows.
+    """
+    drives, protection = context.drives, context.loaded.task.robot.protection
+    tip, turn = (None, None) if protection is None else (protection.tip, protection.turn)
+    speeds = [bound.speed for bound in (limits, tip) if bound is not None and bound.speed]
+    kept = [(terms.J[:3, :], min(speeds), VELOCITY, "speed")] if speeds else []
+    if turn is not None and turn.speed:
+        kept.append((terms.J[3:, :], turn.speed, ANGULAR_VELOCITY, "rate of turning"))
+    assert drives.loop is not None
+    share, rows = drives.approach(context.period), ca.SX(0, commands.wanted.shape[0])
+    for J, limit, unit, what in kept:
+        fastest = SPEED_SHARE * limit
+        most, aside = fastest / (1 + overshoot(drives.loop.ratio)), TURN_SHARE * fastest
+        last, wanted = J @ commands.last, J @ commands.wanted
+        ahead = heading(last, wanted, aside)
+        before, now, first = ca.dot(ahead, last), ca.dot(ahead, wanted), rows.shape[0]
+        found.add(
+            SPEED,
+            first,
+            f"{what} {show(fastest, unit)}",
+            before + share * (-most - before) - now,
+            before + share * (most - before) - now,
+        )
+        inside = ca.norm_2(wanted) < most
+        directions = [ahead, *sides(ahead, "z" in context.robot.axes)]
+        for i, side in enumerate(directions[1:], 1):
+            across = ca.dot(side, wanted)
+            low, high = -aside - across, aside - across
+            found.add(
+                SPEED,
+                first + i,
+                f"{what} aside, {i}",
+                ca.if_else(inside, ca.fmin(low, 0), low),
+                ca.if_else(inside, ca.fmax(high, 0), high),
+            )
+        rows = ca.vertcat(rows, ca.horzcat(*directions).T @ J)
+    return rows
