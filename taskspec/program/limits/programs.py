@@ -33,10 +33,11 @@ from taskspec.program.limits.contacts import (
 )
 from taskspec.program.limits.limited import LimitRows, limit_rows
 from taskspec.program.limits.resolution import Resolved
-from taskspec.program.limits.velocities import Commands, Pressed, velocity_rows
+from taskspec.program.limits.velocities import Commands, Pressed, joint_metric, task_metric, velocity_rows
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.world import kinematics
+from taskspec.robot.inverse_kinematics import turns_at
 
 #: The parameters with the commands of the tick before, and of the one before that.
 LAST_COMMAND, EARLIER_COMMAND = "last_torque", "earlier_torque"
@@ -149,6 +150,8 @@ def _velocities(
         earlier, unit = measurement.parameters.add(EARLIER_COMMAND, n), period
         at, last = last, (last - earlier) / period
         most = CommandRange(np.full(n, np.inf), drives.most * period)
+    state = measurement.state
+    turns = [turns_at(context.robot, i) for i in range(n)]
     # As heavy as the arm may be: what gives way beside the contact only takes from the loop.
     heavy = max((plan.design_rules.plants[a].held for a in plan.translations), default=1.0)
     pressed = [
@@ -163,7 +166,8 @@ def _velocities(
     limited = velocity_rows(
         context=context,
         limits=plan.limits,
-        state=measurement.state,
+        metric=task_metric(state) if plan.joint_path is None else joint_metric(turns),
+        L=state.H_factor,
         terms=measurement.world,
         pressed=pressed,
         requests=ca.diag(linear.column(loops)) @ requests.rows if loops else requests.rows,

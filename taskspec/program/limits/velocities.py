@@ -1,8 +1,8 @@
 """Limits of a stage under `solve: qp` whose law commands velocities, as rows of one program.
 
 The law's closed form wants the joint velocities z*. The program solves for z = z* + x with the
-least x^T P x, in the metric of the inertia: P has the null space yield before the motion on the
-task axes, and that before what moves along contacts and constraints. x = 0 is the closed form.
+least x^T P x. P has the null space yield before the motion on the task axes, and that before what
+moves along contacts and constraints. x = 0 is the closed form.
 
 A velocity is the robot's own business to follow. So that its servo meets no limit of its own, what
 is commanded
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from taskspec.control import linear
 from taskspec.control.admissible import joint_velocities
 from taskspec.control.servo import overshoot
-from taskspec.control.state import TaskState
+from taskspec.control.state import ARM_LENGTH, TaskState
 from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.program.limits.bounds import (
@@ -56,30 +56,24 @@ class VelocityPieces(Pieces):
     """Intermediate results of a tick that the matrices of its program are made of.
 
     Attributes:
-        L: (n, n) Cholesky factor of H.
-        J: (t, n) of the t task axes; M: (t, t) Cholesky factor of J H^-1 J^T; both empty where the
-            arm is not redundant.
+        metric: (n, n) what a change costs that leaves contacts alone.
         C: (c, n) of contacts and constraints.
         active: (c,) whether each is there.
-        inertia: (c, c) Lambda_c of those that are.
         along: (k, n) velocities along the directions in which speeds are kept.
         requests: (r, n) force that a velocity stands for, along each requested one.
         unit: (1,) what a velocity adds to a command: 1, or the period where that is a position.
     """
 
-    L: ca.SX
-    J: ca.SX
-    M: ca.SX
+    metric: ca.SX
     C: ca.SX
     active: ca.SX
-    inertia: ca.SX
     along: ca.SX
     requests: ca.SX
     unit: ca.SX
 
     def matrices(self, sources: Sequence[Source]) -> Matrices:
         """The program's matrices."""
-        n = self.L.shape[0]
+        n = self.metric.shape[0]
         one = ca.SX.eye(n)
         made = {COMMAND: one, JOINT: one, FORCE: self.C, SPEED: self.along}
         return Matrices(
@@ -90,17 +84,37 @@ class VelocityPieces(Pieces):
         )
 
     def _cost(self) -> ca.SX:
-        """P (n, n), by parts that are orthogonal in the metric of H."""
-        null, motion, force = (COST[part] for part in ("null space", "motion", "force"))
-        H = self.L @ self.L.T
-        P = motion * H
-        if self.J.shape[0]:
-            Y = linear.forward(self.M, self.J)
-            P = null * H + (motion - null) * (Y.T @ Y)
-        if self.C.shape[0]:
-            there = ca.diag(self.active) @ self.C
-            P = P + (force - motion) * there.T @ self.inertia @ there
-        return P
+        """P (n, n)."""
+        if not self.C.shape[0]:
+            return self.metric
+        there = ca.diag(self.active) @ self.C
+        return self.metric + (COST["force"] - COST["motion"]) * there.T @ there
+
+
+def task_metric(state: TaskState) -> ca.SX:
+    """(n, n) what a change of joint velocities costs: the twist that it is, and inner motion.
+
+    A radian on the task axes counts as `ARM_LENGTH` metres, so that a limit of one axis changes no
+    other. Inner motion counts by the inertia that it moves, of which a kilogram is as a metre:
+    H - J^T Lambda J.
+    """
+    H = state.H_factor @ state.H_factor.T
+    scale = ca.DM([ARM_LENGTH if axis.is_rotation else 1.0 for axis in state.axes])
+    twist = ca.diag(scale) @ state.J
+    found = COST["motion"] * twist.T @ twist
+    if state.J.shape[1] > len(state.axes):
+        moved = linear.forward(linear.cholesky(state.mobility), state.J)
+        found += COST["null space"] * (H - moved.T @ moved)
+    return found
+
+
+def joint_metric(turns: Sequence[bool]) -> ca.SX:
+    """(n, n) what a change costs where joints are led: one is as good as the other.
+
+    Args:
+        turns: which of them are hinges.
+    """
+    return ca.diag(ca.SX(ca.DM([1.0 if hinge else ARM_LENGTH**-2 for hinge in turns])))
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +153,8 @@ def velocity_rows(
     *,
     context: Context,
     limits: Limits,
-    state: TaskState,
+    metric: ca.SX,
+    L: ca.SX,
     terms: TermSymbols,
     pressed: Sequence[Pressed],
     requests: ca.SX,
@@ -151,33 +166,30 @@ def velocity_rows(
     Args:
         context: of the task.
         limits: of the stage.
-        state: the arm on the task axes.
+        metric: (n, n) what a change of the velocities costs.
+        L: (n, n) Cholesky factor of H.
         terms: model terms, in the world.
         pressed: the contacts of the stage, and the equations that constrain it.
         requests: (r, n) force that a velocity stands for, along each requested one.
         commands: of the law.
         v: (n,) measured.
     """
-    found, wanted, n = Bounds(), commands.wanted, commands.wanted.shape[0]
+    found, wanted = Bounds(), commands.wanted
     _add_commands(found, context, commands)
     _add_positions(found, context, commands)
-    on = Contacts([each.row for each in pressed], state.H_factor)
+    on = Contacts([each.row for each in pressed], L)
     for i, each in enumerate(pressed):
         _add_contact(found, limits, each, i, wanted, v)
     along = _add_speeds(found, context, limits, terms, commands)
-    redundant = n > len(state.axes)
     return LimitRows(
         rows=tuple(found.rows),
         sources=tuple(found.sources),
         lower=ca.vertcat(ca.SX(0, 1), *found.lower),
         upper=ca.vertcat(ca.SX(0, 1), *found.upper),
         pieces=VelocityPieces(
-            L=state.H_factor,
-            J=state.J if redundant else ca.SX(0, n),
-            M=linear.cholesky(state.mobility) if redundant else ca.SX(0, 0),
+            metric=metric,
             C=on.J,
             active=on.active,
-            inertia=on.inertia,
             along=along,
             requests=requests,
             unit=ca.SX(commands.unit),
