@@ -11,7 +11,7 @@ from taskspec.program.bound import BoundFunction
 from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.stage_solver import OwnSolver, StageSolver
 from taskspec.program.execution.tracks import Tracks
-from taskspec.program.limits.programs import EARLIER_COMMAND, LAST_COMMAND
+from taskspec.program.last_commands import EARLIER_COMMAND, LAST_COMMAND
 from taskspec.program.stages.carried_torque import RATE, STEP, carrying
 from taskspec.program.stages.conditions import resting
 from taskspec.program.stages.stage import CompiledStage

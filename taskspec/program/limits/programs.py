@@ -15,6 +15,7 @@ from taskspec.laws.gains import Gains, on_axis
 from taskspec.laws.servo_loop import Contact
 from taskspec.program import signals
 from taskspec.program.context import Context
+from taskspec.program.last_commands import last_command, last_velocity
 from taskspec.program.limits.bounds import CommandRange
 from taskspec.program.limits.consistency import (
     Generator,
@@ -33,14 +34,17 @@ from taskspec.program.limits.contacts import (
 )
 from taskspec.program.limits.limited import LimitRows, limit_rows
 from taskspec.program.limits.resolution import Resolved
-from taskspec.program.limits.velocities import Commands, Pressed, joint_metric, task_metric, velocity_rows
+from taskspec.program.limits.velocities import (
+    Commands,
+    Pressed,
+    joint_metric,
+    task_metric,
+    velocity_rows,
+)
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.world import kinematics
 from taskspec.robot.inverse_kinematics import turns_at
-
-#: The parameters with the commands of the tick before, and of the one before that.
-LAST_COMMAND, EARLIER_COMMAND = "last_torque", "earlier_torque"
 
 
 def resolve(
@@ -109,7 +113,7 @@ def _torques(
     n, rate = context.robot.n, np.inf
     last = None
     if limits.torque_rate is not None:
-        last, rate = measurement.parameters.add(LAST_COMMAND, n), limits.torque_rate
+        last, rate = last_command(context, measurement.parameters), limits.torque_rate
     limited = limit_rows(
         context=context,
         limits=limits,
@@ -144,11 +148,10 @@ def _velocities(
     drives, period, n = context.drives, context.period, context.robot.n
     assert drives.loop is not None
     loops = [law.loop_damping(on_axis(gains, name)) for name in requests.names]
-    last, at, unit = measurement.parameters.add(LAST_COMMAND, n), measurement.inputs.q, 1.0
+    at, unit = measurement.inputs.q, 1.0
     most = CommandRange(drives.most, drives.rates * period)
     if drives.positions:
-        earlier, unit = measurement.parameters.add(EARLIER_COMMAND, n), period
-        at, last = last, (last - earlier) / period
+        at, unit = last_command(context, measurement.parameters), period
         most = CommandRange(np.full(n, np.inf), drives.most * period)
     state = measurement.state
     turns = [turns_at(context.robot, i) for i in range(n)]
@@ -171,7 +174,7 @@ def _velocities(
         terms=measurement.world,
         pressed=pressed,
         requests=ca.diag(linear.column(loops)) @ requests.rows if loops else requests.rows,
-        commands=Commands(wanted, last, at, unit),
+        commands=Commands(wanted, last_velocity(context, measurement.parameters), at, unit),
         v=measurement.inputs.v,
     )
     return limited, most

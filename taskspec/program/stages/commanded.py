@@ -11,6 +11,7 @@ from taskspec.control.command import Command
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.case import Case
 from taskspec.program.events import Condition
+from taskspec.program.last_commands import last_velocity
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import orientation
 from taskspec.program.reference.constraints import (
@@ -99,6 +100,10 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         posture = null_space_command(
             law, context, measurement.state, measurement.world, inputs.q, inputs.v
         )
+    left = None
+    if law.solve == "qp" and law.control_law.commands == "velocity":
+        commanded = state.J @ last_velocity(context, measurement.parameters)
+        left = commanded, measurement.table.situation.limited
     plans = plan.plans
     case = Case(
         state=state,
@@ -113,6 +118,7 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         free=free_directions(plan, measurement) if plan.consistent else None,
         joints=joints,
         period=context.period,
+        left=left,
         remembered=measurement.memory.add,
     )
     wanted, terms = law.control_law.command(case), measurement.terms

@@ -17,7 +17,8 @@ from taskspec.expression import Expression
 from taskspec.laws.gains import Gains
 from taskspec.program.errors import spec_error
 from taskspec.program.events import Condition, Event, code
-from taskspec.program.limits.programs import LAST_COMMAND, resolve
+from taskspec.program.last_commands import last_command
+from taskspec.program.limits.programs import resolve
 from taskspec.program.limits.resolution import Resolution, Resolved, saturated
 from taskspec.program.operators import choice, quick_operators
 from taskspec.program.plan import StagePlan
@@ -117,7 +118,7 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     torque = limited.limits.command if limited else saturated(context.drives, commanded.torque)
     closed_form = commanded.closed_form
     if context.drives.positions:
-        before = _last_command(measurement, context.robot.n)
+        before = last_command(context, measurement.parameters)
         torque = before + context.period * torque
         closed_form = before + context.period * closed_form
     measurement.table.situation.torque = torque
@@ -159,14 +160,6 @@ def _compiled(plan: StagePlan) -> CompiledStage:
         choice=candidates(arguments, commanded),
         resolution=limited.compiled(arguments) if limited else None,
     )
-
-
-def _last_command(measurement: Measurement, joints: int) -> ca.SX:
-    """The command (n,) of the tick before."""
-    parameters = measurement.parameters
-    if LAST_COMMAND in parameters:
-        return parameters.symbol(LAST_COMMAND)
-    return parameters.add(LAST_COMMAND, joints)
 
 
 def tunable(plan: StagePlan, measurement: Measurement) -> tuple[Gains, Gains]:
