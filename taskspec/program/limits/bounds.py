@@ -142,7 +142,7 @@ def add_speed(
     v, J, T = terms.twist[:3], terms.J[:3, :], context.period
     fastest = SPEED_SHARE * limits.speed
     aside, change = TURN_SHARE * fastest, T * (J @ acceleration + terms.drift[:3])
-    ahead = heading(v, v + change, aside)
+    ahead = _heading(v, v + change, aside)
     jerk = None
     if limits.torque_rate is not None:
         # The most that torques of size 1 do along the motion.
@@ -171,7 +171,7 @@ def add_speed(
     return ca.horzcat(ahead, *across_it)
 
 
-def heading(v: ca.SX, wanted: ca.SX, aside: float) -> ca.SX:
+def _heading(v: ca.SX, wanted: ca.SX, aside: float) -> ca.SX:
     """Unit vector along `wanted`, turned back until v (3,) is no more than `aside` beside it."""
     size = ca.fmax(ca.norm_2(v), 1e-9)
     now, then = v / size, wanted / ca.fmax(ca.norm_2(wanted), 1e-9)

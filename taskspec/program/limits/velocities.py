@@ -38,7 +38,6 @@ from taskspec.program.limits.bounds import (
     VELOCITY_SHARE,
     Bounds,
     Source,
-    heading,
     sides,
 )
 from taskspec.program.limits.contacts import ContactRow
@@ -49,6 +48,9 @@ from taskspec.spec import Limits
 from taskspec.text.units import ANGULAR_VELOCITY, VELOCITY, show
 
 Vector = NDArray[np.float64]
+
+#: A speed below this has no direction [m/s, rad/s].
+_NOTHING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,8 +273,9 @@ def _add_speeds(
 ) -> ca.SX:
     """Rows that keep the speed of the tip, and how fast the tool turns.
 
-    The velocity lies in a box inside the ball of the limit, whose axis turns from what was
-    commanded last towards what the law commands.
+    What a velocity comes to by its rate of change lies in a box inside the ball of the limit, whose
+    axis is along what the law commands. Aside it may be what it was, and it is so much slower
+    ahead.
 
     Returns:
         (k, n) velocities along the directions of the rows.
@@ -287,28 +290,26 @@ def _add_speeds(
     share, rows = drives.approach(context.period), ca.SX(0, commands.wanted.shape[0])
     for J, limit, unit, what in kept:
         fastest = SPEED_SHARE * limit
-        most, aside = fastest / (1 + overshoot(drives.loop.ratio)), TURN_SHARE * fastest
+        most = fastest / (1 + overshoot(drives.loop.ratio))
         last, wanted = J @ commands.last, J @ commands.wanted
-        ahead = heading(last, wanted, aside)
-        before, now, first = ca.dot(ahead, last), ca.dot(ahead, wanted), rows.shape[0]
-        found.add(
-            SPEED,
-            first,
-            f"{what} {show(fastest, unit)}",
-            before + share * (-most - before) - now,
-            before + share * (most - before) - now,
-        )
-        inside = ca.norm_2(wanted) < most
+        ahead, first = _direction(wanted), rows.shape[0]
         directions = [ahead, *sides(ahead, "z" in context.robot.axes)]
-        for i, side in enumerate(directions[1:], 1):
-            across = ca.dot(side, wanted)
-            low, high = -aside - across, aside - across
-            found.add(
-                SPEED,
-                first + i,
-                f"{what} aside, {i}",
-                ca.if_else(inside, ca.fmin(low, 0), low),
-                ca.if_else(inside, ca.fmax(high, 0), high),
-            )
+        # So much more aside that going on as before stays within the ball.
+        spare = ca.fmax(most**2 - ca.sumsqr(last), 0) / len(directions[1:])
+        more = ca.fmin(spare, (TURN_SHARE * most) ** 2)
+        squares = [ca.dot(side, last) ** 2 + more for side in directions[1:]]
+        left = ca.fmax(most**2 - sum(squares), 0)
+        texts = [f"{what} {show(fastest, unit)}", *(f"{what} aside, {i + 1}" for i in (0, 1))]
+        for i, (along, square) in enumerate(zip(directions, [left, *squares], strict=True)):
+            before, now, end = ca.dot(along, last), ca.dot(along, wanted), ca.sqrt(square)
+            low, high = (before + share * (side * end - before) - now for side in (-1, 1))
+            found.add(SPEED, first + i, texts[i], low, high)
         rows = ca.vertcat(rows, ca.horzcat(*directions).T @ J)
     return rows
+
+
+def _direction(v: ca.SX) -> ca.SX:
+    """Unit vector along v (3,); any where that is nothing."""
+    size = ca.norm_2(v)
+    some = ca.SX(ca.DM([1.0, 0.0, 0.0]))
+    return ca.if_else(size > _NOTHING, v / ca.fmax(size, _NOTHING), some)
