@@ -51,8 +51,9 @@ class HybridVelocity(ControlLaw):
         return design.velocities(self, axis)
 
     def design_equation(self, axis: AxisDesign) -> dict[str, Gain]:
-        """p, i and d along the unit gradient of an equation."""
-        return design.velocities(self, replace(axis, force=True))
+        """p, i and d along the unit gradient of an equation, whatever others hold the arm."""
+        held = replace(axis.plant, h=axis.plant.held)
+        return design.velocities(self, replace(axis, force=True, plant=held))
 
     def command(self, case: Case) -> Command:
         """The velocities of all joints."""

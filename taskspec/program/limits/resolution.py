@@ -12,6 +12,7 @@ from taskspec.program.drives import Drives
 from taskspec.program.limits.bounds import CommandRange, Row
 from taskspec.program.limits.consistency import Consistency, Requests
 from taskspec.program.limits.limited import LimitRows
+from taskspec.program.limits.velocities import VelocityPieces
 
 #: What is left of a request below this share of it is rounding.
 _ROUNDING = 1e-6
@@ -27,6 +28,7 @@ class Resolution:
 
     Attributes:
         solver: `daqp` or `osqp`.
+        velocities: whether it is of a law that commands velocities.
         rows: the m limits.
         commands: what the command of a tick stays within in any case.
         requested: names of the r force set points.
@@ -42,6 +44,7 @@ class Resolution:
     """
 
     solver: str
+    velocities: bool
     rows: tuple[Row, ...]
     commands: CommandRange
     requested: tuple[str, ...]
@@ -108,6 +111,7 @@ class Resolved:
         m, n = made.A.shape
         return Resolution(
             solver=self.solver,
+            velocities=isinstance(pieces, VelocityPieces),
             rows=limits.rows,
             commands=self.commands,
             requested=self.requests.names,

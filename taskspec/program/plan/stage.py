@@ -128,6 +128,8 @@ class StagePlan:
         joints = None if protection is None else protection.joints
         if self.law.solve != "qp" or joints is None or joints.torque_rate is None:
             return limits
+        if self.law.control_law.commands != "torque":
+            return limits
         rates = [*joints.torque_rate, limits.torque_rate or math.inf]
         return limits.model_copy(update={"torque_rate": min(rates)})
 
