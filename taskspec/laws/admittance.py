@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from taskspec.control.command import Command
 from taskspec.laws import design
@@ -35,6 +35,8 @@ class Admittance(ControlLaw):
     gains = (BANDWIDTH, MASS, DAMPING)
     derived = (K_V, STIFFNESS)
     commands = "velocity"
+    dual = "hybrid"
+    following: ClassVar[Mapping[str, Mapping[str, float]]] = {"damping": {"mass": 1}}
     force_loop = True
     selects = True
     rest = "K e of the soft axis"
@@ -64,6 +66,10 @@ class Admittance(ControlLaw):
         set_point = reference.force[i] if axis in case.force else reference.released[i]
         pull = state.f[i] - set_point + K * reference.error[i]
         return (M * rate + T * pull) / (M + T * D + T**2 * K)
+
+    def unreturned(self, gains: Mapping[str, float]) -> float:  # noqa: ARG002
+        """Of the set point alone: it has no integral."""
+        return 1.0
 
     def loop_damping(self, gains: Mapping[str, float]) -> float:
         """D of the axis [N s/m]."""

@@ -29,6 +29,14 @@ TORQUE: Literal["torque"] = "torque"
 VELOCITY, POSITION = "velocity", "position"
 COMMANDS = (TORQUE, VELOCITY, POSITION)
 """What the joints of an arm may be commanded."""
+PLURAL = {TORQUE: "torques", VELOCITY: "velocities", POSITION: "positions"}
+
+
+def command_of(data: Map) -> str:
+    """What the joints are commanded by a raw task; torques where it says nothing that reads."""
+    command = mapping(data.get("robot")).get("command", TORQUE)
+    return str(command) if command in COMMANDS else TORQUE
+
 
 #: By which part a rate may be off a whole multiple.
 _ROUNDING = 1e-9
