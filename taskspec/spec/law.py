@@ -27,6 +27,7 @@ from taskspec.text.data import Map, Text
 from taskspec.text.units import (
     ANGULAR_DAMPING,
     DAMPING,
+    FORCE,
     FREQUENCY,
     MASS,
     NUMBER,
@@ -45,7 +46,7 @@ register(
     }
 )
 
-_GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio")
+_GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio", "dead_band")
 NULL_SPACE_GOALS = ("posture", "joint-limits", "manipulability")
 
 Damping = Annotated[AxisValues, GainField(DAMPING, least=0, matrix=True)]
@@ -102,6 +103,7 @@ class Law(Model):
             for all joints, or one for each.
         bandwidth: of motion axes [Hz].
         damping_ratio: of motion axes.
+        dead_band: force error below which an axis is not moved [N, N*m].
         force: gains of the force loop.
         orientation: how orientation errors are measured.
         null_space: what a redundant arm does with the joints that the task leaves free; these
@@ -134,6 +136,9 @@ class Law(Model):
     )
     damping_ratio: Annotated[AxisValues, GainField(NUMBER, above=0)] | None = Field(
         None, title="Damping ratio of motion axes"
+    )
+    dead_band: Annotated[AxisValues, GainField(FORCE, above=0)] | None = Field(
+        None, title="Dead band of the force"
     )
     force: ForceGains | None = Field(None, title="Gains of the force loop")
     orientation: Annotated[
