@@ -115,6 +115,11 @@ class Law(Model):
 
     noun = "a law"
     short: ClassVar = {"enum": list(LAWS)}
+    advice: ClassVar = {
+        "M": "the apparent mass is 'mass'",
+        "D": "the damping is 'damping'",
+        "K": "the spring is 'stiffness', of a law or of an axis",
+    }
 
     kind: Annotated[str, Word(tuple(LAWS), "law", code="TS206")] = Field(
         DEFAULT, title="Control law"
@@ -352,12 +357,11 @@ class Law(Model):
         for key, owner in given:
             name = f"force.{key}" if owner is force else key
             if name not in has:
-                context.error(
-                    "TS207",
-                    f"the law '{kind}' has no gain '{name}'",
-                    owner.node.key_span(key),
-                    f"its gains: {', '.join(has)}",
-                )
+                hint = f"its gains: {', '.join(has)}"
+                if name == "stiffness" and LAWS[kind].soft_axes:
+                    hint += "; a spring is one of an axis: x: {stiffness: 500 N/m}"
+                message = f"the law '{kind}' has no gain '{name}'"
+                context.error("TS207", message, owner.node.key_span(key), hint)
 
 
 #: That of a stage with a path of joints; no file names it.
