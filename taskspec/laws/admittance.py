@@ -59,7 +59,7 @@ class Admittance(ControlLaw):
         kept: dict[str, ca.SX] = {}
         for axis in (*case.force, *case.soft):
             i = state.axes.index(axis)
-            rate = case.remembered(slot(axis))
+            rate = case.kept(axis, case.remembered(slot(axis)))
             kept[slot(axis)] = moved = self._rate(case, axis, rate)
             velocity[i] = reference.velocity[i] + moved
         return Command(wrench=0 * state.f, velocity=velocity, memory=kept)

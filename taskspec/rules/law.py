@@ -21,17 +21,22 @@ _ROTATIONS = AXES[3:]
 
 @rule("TS214", "a limit that nothing keeps", phase=Phase.AXES)
 def unkept_limits(stage: StagePlan) -> Iterator[Finding]:
-    """A limit on the torques' rate in a stage whose torques are a closed form's."""
-    if stage.law.solve == "qp" or stage.limits.torque_rate is None:
+    """A limit on the torques' rate in a stage whose torques are a closed form's, or the servo's."""
+    velocities = stage.law.control_law.commands == "velocity"
+    if stage.limits.torque_rate is None or (stage.law.solve == "qp" and not velocities):
         return
     own = stage.spec.limits is not None and stage.spec.limits.torque_rate is not None
     owner = FILE.stages[stage.name].limits if own else FILE.limits
+    made = "those of a closed form"
+    remedy = "solve the law by a program that keeps it, as in 'law: {kind: hybrid, solve: qp}'"
+    if velocities:
+        made = "made by the robot's servo, which is commanded velocities"
+        remedy = "leave it out; what is commanded keeps robot.servo.acceleration and jerk"
     yield error(
         "TS214",
-        f"nothing keeps 'torque_rate' in stage {stage.name!r}: its torques are those of a closed "
-        "form",
+        f"nothing keeps 'torque_rate' in stage {stage.name!r}: its torques are {made}",
         key_of(owner.torque_rate),
-        "solve the law by a program that keeps it, as in 'law: {kind: hybrid, solve: qp}'",
+        remedy,
         unless=("TS214",),  # The file's limits are those of several stages.
     )
 

@@ -12,10 +12,12 @@ from pydantic.json_schema import SkipJsonSchema
 from taskspec.expression import Expression
 from taskspec.geometry.axis import AXES, PAIRS, Axis, axes_of, coupled
 from taskspec.laws import DEFAULT, LAWS, ControlLaw
-from taskspec.laws.computed_torque import COMPUTED_TORQUE
+from taskspec.laws.computed_torque import COMPUTED_TORQUE, ComputedTorque
 from taskspec.laws.coupled import groups, with_damping
 from taskspec.laws.design import joint_damping
 from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
+from taskspec.laws.joint_velocity import JOINT_VELOCITY, JointVelocity
+from taskspec.laws.law import Solve
 from taskspec.spec.axis import AxisEntry
 from taskspec.spec.gains import AxisValues, GainField
 from taskspec.spec.model import Model, mapping, short_form
@@ -71,6 +73,12 @@ def _gain(given: float | Expression, worth: Worth) -> Gain:
     return Gain(given, "file")
 
 
+def _usual_solve(given: dict[str, Any]) -> Solve:
+    """How the law of these keys becomes what joints are commanded, unless a file says it."""
+    kind = given.get("kind")
+    return LAWS[kind].solve if kind in LAWS else ControlLaw.solve
+
+
 class ForceGains(Model):
     """Gains of a force loop.
 
@@ -108,8 +116,8 @@ class Law(Model):
         orientation: how orientation errors are measured.
         null_space: what a redundant arm does with the joints that the task leaves free; these
             goals are added up.
-        solve: how the command of the law becomes torque: by its own closed form, or by a quadratic
-            program that keeps the limits.
+        solve: how the command of the law becomes that of the joints: by its own closed form, or by
+            a quadratic program that keeps the limits; by default as the law has it.
         solver: of the quadratic program.
     """
 
@@ -152,9 +160,9 @@ class Law(Model):
     null_space: Annotated[tuple[str, ...], Words(Word(NULL_SPACE_GOALS, "null-space goal"))] = (
         Field(("posture",), title="Goals in the null space")
     )
-    solve: Annotated[
-        Literal["closed-form", "qp"], Word(("closed-form", "qp"), "torque computation")
-    ] = Field("closed-form", title="Computation of the torques")
+    solve: Annotated[Solve, Word(("closed-form", "qp"), "torque computation")] = Field(
+        default_factory=_usual_solve, title="Computation of the joints' command"
+    )
     solver: Annotated[Literal["daqp", "osqp"], Word(("daqp", "osqp"), "solver")] = Field(
         "daqp", title="Solver of the quadratic program"
     )
@@ -162,7 +170,7 @@ class Law(Model):
     @property
     def control_law(self) -> ControlLaw:
         """What is known of the law that `kind` names."""
-        return COMPUTED_TORQUE if self.kind == COMPUTED_TORQUE.kind else LAWS[self.kind]
+        return JOINT_LAWS.get(self.kind) or LAWS[self.kind]
 
     @property
     def by_entry(self) -> dict[str, dict[str, float | Expression]]:
@@ -330,14 +338,14 @@ class Law(Model):
                 span,
                 f"the law {having} calls it 'damping'",
             )
-        if "solver" in data and data.get("solve", "closed-form") == "closed-form":
+        kind = data.get("kind", DEFAULT)
+        if "solver" in data and data.get("solve", _usual_solve({"kind": kind})) == "closed-form":
             context.error(
                 "TS026",
                 "a solver is of the quadratic program, and this law does not solve one",
                 data.node.key_span("solver"),
                 "add 'solve: qp'",
             )
-        kind = data.get("kind", DEFAULT)
         if not isinstance(kind, str) or kind not in LAWS:
             return
         if "null_space" in data and not LAWS[kind].holds_null_space:
@@ -364,8 +372,22 @@ class Law(Model):
                 context.error("TS207", message, owner.node.key_span(key), hint)
 
 
-#: That of a stage with a path of joints; no file names it.
-JOINT_LAW = Law.model_construct(kind=COMPUTED_TORQUE.kind)
+#: Laws of a stage with a path of joints, by name; no file names them.
+JOINT_LAWS: dict[str, ComputedTorque | JointVelocity] = {
+    law.kind: law for law in (COMPUTED_TORQUE, JOINT_VELOCITY)
+}
+
+
+def joint_law(command: str, solve: Solve) -> Law:
+    """The law of a stage with a path of joints of an arm that is commanded so.
+
+    Args:
+        command: what the joints take.
+        solve: how the file's law becomes what they are commanded.
+    """
+    if command == "torque":
+        return Law.model_construct(kind=COMPUTED_TORQUE.kind, solve=ControlLaw.solve)
+    return Law.model_construct(kind=JOINT_VELOCITY.kind, solve=solve)
 
 
 def law_of(data: object) -> str | None:
