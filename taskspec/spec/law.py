@@ -30,6 +30,7 @@ from taskspec.text.data import Map, Text
 from taskspec.text.units import (
     ANGULAR_DAMPING,
     DAMPING,
+    FORCE,
     FREQUENCY,
     MASS,
     NUMBER,
@@ -49,7 +50,7 @@ register(
     }
 )
 
-_GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio")
+_GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio", "dead_band")
 NULL_SPACE_GOALS = ("posture", "joint-limits", "manipulability")
 
 Damping = Annotated[AxisValues, GainField(DAMPING, least=0, matrix=True)]
@@ -112,6 +113,7 @@ class Law(Model):
             for all joints, or one for each.
         bandwidth: of motion axes [Hz].
         damping_ratio: of motion axes.
+        dead_band: force error below which an axis is not moved [N, N*m].
         force: gains of the force loop.
         orientation: how orientation errors are measured.
         null_space: what a redundant arm does with the joints that the task leaves free; these
@@ -123,6 +125,11 @@ class Law(Model):
 
     noun = "a law"
     short: ClassVar = {"enum": list(LAWS)}
+    advice: ClassVar = {
+        "M": "the apparent mass is 'mass'",
+        "D": "the damping is 'damping'",
+        "K": "the spring is 'stiffness', of a law or of an axis",
+    }
 
     kind: Annotated[str, Word(tuple(LAWS), "law", code="TS206")] = Field(
         DEFAULTS[TORQUE], title="Control law"
@@ -144,6 +151,9 @@ class Law(Model):
     )
     damping_ratio: Annotated[AxisValues, GainField(NUMBER, above=0)] | None = Field(
         None, title="Damping ratio of motion axes"
+    )
+    dead_band: Annotated[AxisValues, GainField(FORCE, above=0)] | None = Field(
+        None, title="Dead band of the force"
     )
     force: ForceGains | None = Field(None, title="Gains of the force loop")
     orientation: Annotated[
@@ -366,12 +376,11 @@ class Law(Model):
         for key, owner in given:
             name = f"force.{key}" if owner is force else key
             if name not in has:
-                context.error(
-                    "TS207",
-                    f"the law '{kind}' has no gain '{name}'",
-                    owner.node.key_span(key),
-                    f"its gains: {', '.join(has)}",
-                )
+                hint = f"its gains: {', '.join(has)}"
+                if name == "stiffness" and LAWS[kind].soft_axes:
+                    hint += "; a spring is one of an axis: x: {stiffness: 500 N/m}"
+                message = f"the law '{kind}' has no gain '{name}'"
+                context.error("TS207", message, owner.node.key_span(key), hint)
 
 
 #: Laws of a stage with a path of joints, by name; no file names them.

@@ -62,6 +62,11 @@ class Servo(Model):
     noun = "a servo"
     example = "servo: {bandwidth: 20 Hz, delay: 4 ms}"
     short: ClassVar = Free(filled=True).json()
+    advice: ClassVar = (
+        {"model": "a servo of that name is 'servo: NAME'; of another one give all numbers"}
+        | dict.fromkeys(("latency", "dead_time"), "what comes late is its 'delay'")
+        | dict.fromkeys(("gain", "lookahead_time"), "what they make of it is 'bandwidth', 'delay'")
+    )
 
     about: Annotated[str, Free()] | None = Field(None, title="About")
     bandwidth: Annotated[float, Constant(FREQUENCY, above=0, most=FASTEST)] = Field(
