@@ -42,6 +42,8 @@ class AdmittanceGains:
         joint_damping: d [1/s].
         filter_coefficient: c.
         alpha: of the inverse.
+        free: those of stages without a set point of force, as parameters may be set while the
+            controller runs; None for the same.
     """
 
     mass: Six
@@ -51,6 +53,16 @@ class AdmittanceGains:
     joint_damping: float = 5.0
     filter_coefficient: float = 0.05
     alpha: float = 0.01
+    free: AdmittanceGains | None = None
+
+    @property
+    def damping(self) -> Vector:
+        """(6,) D [N s/m, N m s/rad]."""
+        return 2.0 * np.array(self.damping_ratio) * np.sqrt(np.multiply(self.mass, self.stiffness))
+
+    def at(self, sample: Sample) -> AdmittanceGains:
+        """Those of the stage that a sample is of."""
+        return self if self.free is None or sample.on_force.any() else self.free
 
 
 #: The package's example, test/test_params.yaml, as it is beside filter_coefficient.
@@ -76,10 +88,6 @@ class RosAdmittance:
         """Of an arm, with a control period [s]."""
         self._arm, self._gains, self._period, self._positions = arm, gains, period, positions
         self._reference = Reference(period)
-        self._mass, self._stiffness = np.array(gains.mass), np.array(gains.stiffness)
-        ratio = np.array(gains.damping_ratio)
-        self._damping = 2.0 * ratio * np.sqrt(self._mass * self._stiffness)
-        self._selected = np.array(gains.selected_axes, dtype=float)
         self._wrench = self._rate = np.zeros(6)
         self._off, self._v = np.zeros(arm.model.nv), np.zeros(arm.model.nv)
         self._rest: Vector | None = None
@@ -89,14 +97,14 @@ class RosAdmittance:
         """(n,) velocities [rad/s, m/s] or positions [rad, m] of the joints."""
         if not sample.visit:
             return sample.q if self._positions else np.zeros_like(sample.q)
-        gains, T, J = self._gains, sample.frame, sample.jacobian
+        gains, T, J = self._gains.at(sample), sample.frame, sample.jacobian
         rest, moved = self._reference_joints(sample)
         force = T @ (sample.feed - sample.force)
         self._wrench = self._wrench + gains.filter_coefficient * (force - self._wrench)
         off = separation(sample.tip, self._reference.pose)
-        pull = self._selected * (T.T @ self._wrench)
-        pull -= self._damping * (T.T @ self._rate) + self._stiffness * (T.T @ off)
-        acceleration = _damped_inverse(J, gains.alpha) @ (T @ pull / self._mass)
+        pull = np.array(gains.selected_axes, dtype=float) * (T.T @ self._wrench)
+        pull -= gains.damping * (T.T @ self._rate) + np.array(gains.stiffness) * (T.T @ off)
+        acceleration = _damped_inverse(J, gains.alpha) @ (T @ pull / np.array(gains.mass))
         acceleration -= gains.joint_damping * self._v
         self._v = self._v + self._period * acceleration
         self._off = self._off + self._period * self._v
@@ -127,9 +135,10 @@ def _described(gains: AdmittanceGains) -> str:
 
     names = ("x", "y", "z", "rx", "ry", "rz")
     axes = " ".join(name for name, on in zip(names, gains.selected_axes, strict=True) if on)
+    free = "" if gains.free is None else f"; in free motion stiffness {six(gains.free.stiffness)}"
     return (
         f"mass {six(gains.mass)}, damping_ratio {six(gains.damping_ratio)}, "
         f"stiffness {six(gains.stiffness)}, selected_axes {axes}, "
         f"joint_damping {gains.joint_damping:g}, "
-        f"filter_coefficient {gains.filter_coefficient:.3g}, alpha {gains.alpha:g}"
+        f"filter_coefficient {gains.filter_coefficient:.3g}, alpha {gains.alpha:g}{free}"
     )

@@ -23,7 +23,13 @@ class Direct(PlantServer):
     """
 
     def __init__(self, law: Law, name: str, program: Program, options: ServerOptions) -> None:
-        self.answers = Answers(law, welcome(program, options))
+        told = welcome(program, options)
+        self.answers = Answers(law, told)
+        # As a server has them that has welcomed somebody.
+        self._takes, self._joints = (
+            told["robot"].get("command", "torque"),
+            len(told["robot"]["joints"]),
+        )
         self.client, self.rejected = name, 0
         self._newest, self._answer, self._answered = -1, b"", True
 

@@ -46,6 +46,8 @@ class ComplianceGains:
         error_scale: s.
         iterations: in a control period.
         link_mass: of each link of the virtual arm but the last [kg].
+        free: K of stages without a set point of force, as it may be set while the controller runs;
+            None for the same.
     """
 
     stiffness: Six
@@ -54,6 +56,11 @@ class ComplianceGains:
     error_scale: float = 1.0
     iterations: int = 1
     link_mass: float = 0.1
+    free: Six | None = None
+
+    def springs(self, sample: Sample) -> Six:
+        """K of the stage that a sample is of."""
+        return self.stiffness if self.free is None or sample.on_force.any() else self.free
 
 
 #: The example of the package's README.
@@ -91,7 +98,7 @@ class ForwardDynamics:
             return sample.q if self._positions else np.zeros_like(sample.q)
         self._reference.follow(sample)
         T, q = sample.frame, sample.q
-        K = T @ np.diag(self._gains.stiffness) @ T.T
+        K = T @ np.diag(self._gains.springs(sample)) @ T.T
         force = T @ (sample.feed - sample.force)
         pose = sample.tip if self._pose is None else self._pose
         for _ in range(self._gains.iterations):
@@ -131,8 +138,9 @@ def _described(gains: ComplianceGains) -> str:
     def six(values: tuple[float, ...]) -> str:
         return "(" + ", ".join(f"{value:.3g}" for value in values) + ")"
 
+    free = "" if gains.free is None else f"; in free motion stiffness {six(gains.free)}"
     return (
         f"stiffness {six(gains.stiffness)}, p {six(gains.p)}, d {six(gains.d)}, "
         f"error_scale {gains.error_scale:.3g}, iterations {gains.iterations}, "
-        f"link_mass {gains.link_mass:g}"
+        f"link_mass {gains.link_mass:g}{free}"
     )

@@ -24,6 +24,8 @@ Vector = NDArray[np.float64]
 HELLO, WELCOME, STATE, COMMAND, STOP = 1, 2, 3, 4, 5
 _HEAD, _BODY = struct.Struct("<4sBBHIId"), struct.Struct("<HHBBHIId")
 _ROOM = 16384
+#: What joints may take, as a command's first number has it.
+QUANTITIES = ("torque", "velocity", "position")
 #: Seconds after which a hello is sent again, and in which the plant has to go on.
 _AGAIN, _PATIENCE = 0.2, 60.0
 
@@ -121,6 +123,7 @@ class Answers:
         self.taken: list[float] = []
         self._law, self._names = law, [name for name, _ in told["extras"]]
         self._ends = np.cumsum([length for _, length in told["extras"]])[:-1]
+        self._quantity = QUANTITIES.index(told["robot"].get("command", QUANTITIES[0]))
 
     def to(self, state: bytes) -> bytes:
         """The body of the command that answers the body of a state."""
@@ -132,7 +135,7 @@ class Answers:
         began = time.thread_time()
         given = np.asarray(self._law.command(sample), dtype=float)
         self.taken.append(time.thread_time() - began)
-        return struct.pack("<HBBI", 0, n, 0, 0) + given.tobytes()
+        return struct.pack("<HBBI", self._quantity, n, 0, 0) + given.tobytes()
 
 
 class Session:

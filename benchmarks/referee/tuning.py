@@ -14,7 +14,7 @@ from referee.forward_dynamics import ComplianceGains
 from referee.metrics import BAND, Metrics
 
 #: Runs of each rule: half of them anywhere in its space, half about the best so far.
-BUDGET = 24
+BUDGET = 16
 #: Standard deviation of the second half, of a logarithm.
 NEAR = 0.4
 #: What costs as much as a force that is off by `BAND`: error of a path [m], time to settle [s].
@@ -47,13 +47,20 @@ def ros_gains(values: Mapping[str, float]) -> AdmittanceGains:
     """Gains for a task that presses along z, from a point of `ROS_SPACE`."""
     mass, led = values["mass"], values["stiffness"]
     pressed = values["damping"] / (2 * np.sqrt(mass * SLIGHT))
-    return replace(
+    free = replace(
         ROS_EXAMPLE,
         mass=(mass,) * 3 + (0.1,) * 3,
+        damping_ratio=(1.0,) * 6,
+        stiffness=(led,) * 3 + (led / 50,) * 3,
+        selected_axes=(False,) * 6,
+        filter_coefficient=values["filter"],
+    )
+    return replace(
+        free,
         damping_ratio=(1.0, 1.0, float(pressed), 1.0, 1.0, 1.0),
         stiffness=(led, led, SLIGHT, led / 50, led / 50, led / 50),
         selected_axes=(False, False, True, False, False, False),
-        filter_coefficient=values["filter"],
+        free=free,
     )
 
 
@@ -64,6 +71,7 @@ def forward_gains(values: Mapping[str, float]) -> ComplianceGains:
     return replace(
         FORWARD_EXAMPLE,
         stiffness=(led, led, 0.0, *FORWARD_EXAMPLE.stiffness[3:]),
+        free=(led,) * 3 + FORWARD_EXAMPLE.stiffness[3:],
         p=(p,) * 3 + FORWARD_EXAMPLE.p[3:],
         d=(d,) * 3 + FORWARD_EXAMPLE.d[3:],
         error_scale=1.0,
