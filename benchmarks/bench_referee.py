@@ -39,7 +39,8 @@ from referee.metrics import BAND, Metrics, metrics
 from referee.operational_space import DEFAULT, OperationalSpace
 from referee.session import Law
 from referee.tuning import (
-    BUDGET,
+    ABOUT,
+    ANYWHERE,
     FORWARD_SPACE,
     ROS_SPACE,
     Space,
@@ -391,9 +392,9 @@ equations, in `benchmarks/referee`:
   virtual arm whose mass is at its tip falls under the spring and the error of force.
 
 **Gains.** Each rule has a row with the gains of its package's example, and one that is tuned:
-{BUDGET} runs of `benchmarks/referee/rub.yaml`, half of them drawn evenly (by logarithms) from the
-ranges of `benchmarks/referee/tuning.py`, half about the best so far. The task rubs a bench of
-15 kN/m elsewhere, with another force, friction and path; the tasks below were not looked at. This
+{ANYWHERE + ABOUT} runs of `benchmarks/referee/rub.yaml`, {ANYWHERE} of them drawn evenly (by
+logarithms) from the ranges of `benchmarks/referee/tuning.py`, {ABOUT} about the best so far, by
+the same costs. `--tune` of the benchmark does it again. The task rubs a bench of 15 kN/m elsewhere, with another force, friction and path; the tasks below were not looked at. This
 project's gains are designed from what the file says of its surfaces and its servo; those two
 rules are not given these, but were tuned on a contact of the same kind.
 

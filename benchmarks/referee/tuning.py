@@ -13,9 +13,9 @@ from referee.forward_dynamics import EXAMPLE as FORWARD_EXAMPLE
 from referee.forward_dynamics import ComplianceGains
 from referee.metrics import BAND, Metrics
 
-#: Runs of each rule: half of them anywhere in its space, half about the best so far.
-BUDGET = 16
-#: Standard deviation of the second half, of a logarithm.
+#: Runs of each rule: anywhere in its space, and then about the best so far.
+ANYWHERE, ABOUT = 8, 4
+#: Standard deviation of those about the best, of a logarithm.
 NEAR = 0.4
 #: What costs as much as a force that is off by `BAND`: error of a path [m], time to settle [s].
 PATH, SETTLING = 1e-3, 0.5
@@ -99,7 +99,8 @@ def tuned(
     space: Space,
     tried: Callable[[Mapping[str, float]], float],
     *,
-    budget: int = BUDGET,
+    anywhere: int = ANYWHERE,
+    about: int = ABOUT,
     seed: int = 0,
 ) -> tuple[dict[str, float], float]:
     """The best point of a space, and what it costs.
@@ -107,16 +108,16 @@ def tuned(
     Args:
         space: bounds by name; values are drawn evenly by their logarithms.
         tried: the cost of a point.
-        budget: of points.
+        anywhere, about: numbers of points, anywhere and about the best so far.
         seed: of what is drawn.
     """
     random = np.random.default_rng(seed)
     low, high = np.log(np.array(list(space.values()))).T
     best, least = np.zeros(len(space)), np.inf
-    for number in range(budget):
+    for number in range(anywhere + about):
         near = best + NEAR * random.standard_normal(len(space))
-        anywhere = random.uniform(low, high)
-        at = anywhere if number < budget // 2 else np.clip(near, low, high)
+        far = random.uniform(low, high)
+        at = far if number < anywhere else np.clip(near, low, high)
         price = tried(dict(zip(space, np.exp(at).tolist(), strict=True)))
         if price < least:
             best, least = at, price

@@ -225,7 +225,7 @@ def test_tuning_keeps_to_its_budget_and_its_bounds_and_finds_what_is_better():
         tried.append(at)
         return float(np.log(at["a"] / 2) ** 2 + np.log(at["b"] / 300) ** 2)
 
-    best, least = tuned(space, price, budget=60, seed=3)
+    best, least = tuned(space, price, anywhere=30, about=30, seed=3)
     assert len(tried) == 60
     assert all(low <= at[key] <= high for at in tried for key, (low, high) in space.items())
     assert least == pytest.approx(price(best))
