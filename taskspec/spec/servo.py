@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -29,6 +30,7 @@ TORQUE: Literal["torque"] = "torque"
 VELOCITY, POSITION = "velocity", "position"
 COMMANDS = (TORQUE, VELOCITY, POSITION)
 """What the joints of an arm may be commanded."""
+PLURALS = MappingProxyType({TORQUE: "torques", VELOCITY: "velocities", POSITION: "positions"})
 
 #: By which part a rate may be off a whole multiple.
 _ROUNDING = 1e-9

@@ -161,13 +161,17 @@ class Machine:
 
     def start(self) -> None:
         """Enters the first stage from rest at the measured pose."""
-        self.update_terms()
-        if self._drives.positions:
-            self.rest[:] = self.q
-        self.torque[:] = self.applied[:] = self.rest
+        self.torque[:] = self.applied[:] = self.at_rest()
         self._rest_here()
         self._begin(0)
         self._enter(0.0)
+
+    def at_rest(self) -> Vector:
+        """(n,) what the arm is commanded to rest where it is measured; evaluates the terms."""
+        self.update_terms()
+        if self._drives.positions:
+            self.rest[:] = self.q
+        return self.rest
 
     def returned_forces(self, index: int, t: float) -> ReturnedForces | None:
         """What stage `index` requests of contacts at its time t [s], were it entered at rest here.

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from taskspec.spec import Robot
-from taskspec.spec.servo import Servo
+from taskspec.spec.servo import PLURALS, Servo
 from taskspec.text.units import scaled
 
 
@@ -16,7 +16,7 @@ def servo_rows(robot: Robot) -> Iterator[tuple[str, str]]:
     if robot.takes_torques:
         return
     servo = robot.servo
-    yield "commanded", f"joint {'velocities' if robot.command == 'velocity' else 'positions'}"
+    yield "commanded", f"joint {PLURALS[robot.command]}"
     if servo.about:
         yield "servo", servo.about
     for key, values in servo.numbers.items():
