@@ -1,4 +1,4 @@
-"""Arms that take velocities or positions: by name, before anything moves, and to rest at the end."""
+"""Arms that take velocities or positions: named before anything moves, at rest in the end."""
 
 from __future__ import annotations
 
@@ -83,10 +83,11 @@ def test_an_arm_comes_to_rest_when_its_controller_is_gone(command: str, tmp_path
         task = POSITIONS
     with Serving(task, tmp_path / "served", options) as serving:
         robot = UdpRobot(serving.url, patience=20.0)
-        rate = np.array([0.3, -0.2])
+        rate, begin = np.array([0.3, -0.2]), np.zeros(2)
         for tick in range(61):
             sample = robot.read()
-            begin = sample.q.copy() if tick == 0 else begin
+            if tick == 0:
+                begin = sample.q.copy()
             robot.write(rate if command == "velocity" else begin + rate * tick * 1e-3)
         run = serving.run
         robot.stop("it has been silent")
