@@ -23,7 +23,7 @@ from taskspec.spec.gains import AxisValues, GainField
 from taskspec.spec.model import Model, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import ForJoints
-from taskspec.spec.servo import PLURAL, TORQUE, VELOCITY, command_of
+from taskspec.spec.servo import PLURALS, TORQUE, VELOCITY, command_of
 from taskspec.spec.words import Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
@@ -429,7 +429,7 @@ def _check_command(kind: str, data: Map, context: ParseContext) -> None:
     other = "command: torque" if takes != TORQUE else "command: velocity, or command: position"
     context.error(
         "TS140",
-        f"the law '{kind}' commands {PLURAL[law.commands]}, and this robot takes {PLURAL[takes]}",
+        f"the law '{kind}' commands {PLURALS[law.commands]}, and this robot takes {PLURALS[takes]}",
         span_of(data.get("kind")),
-        f"law: {dual}; or, for an arm that takes {PLURAL[law.commands]}, under 'robot' {other}",
+        f"law: {dual}; or, for an arm that takes {PLURALS[law.commands]}, under 'robot' {other}",
     )

@@ -62,6 +62,8 @@ class ControllerMemory(Evaluations):
     carries: int  # whether its torque goes on from that of the stage before
 
     alone: int  # whether there is nobody to whom a tick could be left
+    velocities: int  # whether joints are commanded velocities
+    positions: int  # whether they are commanded positions
     n: int  # joints
     n_reactions: int  # constraint equations
     n_outputs: int  # outputs of the tick
@@ -156,6 +158,7 @@ class ControllerMemory(Evaluations):
     fade_from: Vector
     most: Vector
     stop_step: Vector
+    rate: Vector  # of commanded positions, as the arm is brought to rest
 
     # a stage that is opened
     last: Vector
@@ -238,6 +241,9 @@ def _shared(machine: Machine) -> ControllerMemory:
         fading=np.zeros(1, dtype=np.int64),
         unheard=np.zeros(len(machine.q), dtype=np.int64),
         decay=decay_time(machine.period),
+        velocities=machine.drives.commands == "velocity",
+        positions=machine.drives.positions,
+        rate=np.zeros(len(machine.q)),
         **_needs(machine, stages),
     )
     record.take(
