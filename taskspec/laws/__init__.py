@@ -18,6 +18,7 @@ from taskspec.laws.hybrid_multipliers import HybridMultipliers
 from taskspec.laws.hybrid_reaction import HybridReaction
 from taskspec.laws.admittance import Admittance
 from taskspec.laws.force_velocity import ForceVelocity
+from taskspec.laws.hybrid_velocity import HybridVelocity
 # isort: on
 
 from taskspec.laws.law import LAWS, ControlLaw, register
@@ -36,6 +37,7 @@ __all__ = [
     "Hybrid",
     "HybridMultipliers",
     "HybridReaction",
+    "HybridVelocity",
     "Impedance",
     "ImpedanceNatural",
     "PDJoint",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeVar
 
 from taskspec.laws import conditions, design
 from taskspec.laws.gains import Gain, Gains, LawGain
@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from taskspec.laws.case import Case
     from taskspec.laws.conditions import AxisContact, StabilityCondition
     from taskspec.laws.gains import AxisDesign
+
+
+Solve = Literal["closed-form", "qp"]
+"""How the command of a law becomes that of the joints."""
 
 
 class ControlLaw(ABC):
@@ -44,6 +48,7 @@ class ControlLaw(ABC):
         rest: equation of the force that its springs come to rest with.
         commands: what it commands the joints: `torque`, or `velocity`, which an arm that takes
             positions is commanded by as well.
+        solve: how its command becomes that of the joints, where a file does not say it.
         following: designed gains that change with another gain of their axis, by the other and by
             themselves, with their power of it.
         dual: the law that does the same on arms that take what this one does not command.
@@ -67,6 +72,7 @@ class ControlLaw(ABC):
     undamped: ClassVar[str] = ""
     rest: ClassVar[str] = "K e"
     commands: ClassVar[str] = "torque"
+    solve: ClassVar[Solve] = "closed-form"
     following: ClassVar[Mapping[str, Mapping[str, float]]] = {}
     dual: ClassVar[str] = "admittance"
 

@@ -12,23 +12,25 @@ from pydantic.json_schema import SkipJsonSchema
 from taskspec.expression import Expression
 from taskspec.geometry.axis import AXES, PAIRS, Axis, axes_of, coupled
 from taskspec.laws import DEFAULTS, LAWS, ControlLaw
-from taskspec.laws.computed_torque import COMPUTED_TORQUE
+from taskspec.laws.computed_torque import COMPUTED_TORQUE, ComputedTorque
 from taskspec.laws.coupled import groups, with_damping
 from taskspec.laws.design import joint_damping
 from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
-from taskspec.laws.law import commanding
+from taskspec.laws.joint_velocity import JOINT_VELOCITY, JointVelocity
+from taskspec.laws.law import Solve, commanding
 from taskspec.spec.axis import AxisEntry
 from taskspec.spec.gains import AxisValues, GainField
 from taskspec.spec.model import Model, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import ForJoints
-from taskspec.spec.servo import PLURAL, TORQUE, VELOCITY, command_of
+from taskspec.spec.servo import PLURALS, TORQUE, VELOCITY, command_of
 from taskspec.spec.words import Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.units import (
     ANGULAR_DAMPING,
     DAMPING,
+    FORCE,
     FREQUENCY,
     MASS,
     NUMBER,
@@ -48,7 +50,7 @@ register(
     }
 )
 
-_GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio")
+_GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio", "dead_band")
 NULL_SPACE_GOALS = ("posture", "joint-limits", "manipulability")
 
 Damping = Annotated[AxisValues, GainField(DAMPING, least=0, matrix=True)]
@@ -71,6 +73,12 @@ def _gain(given: float | Expression, worth: Worth) -> Gain:
     if isinstance(given, Expression):
         return Gain(worth(given), "file", given)
     return Gain(given, "file")
+
+
+def _usual_solve(given: dict[str, Any]) -> Solve:
+    """How the law of these keys becomes what joints are commanded, unless a file says it."""
+    kind = given.get("kind")
+    return LAWS[kind].solve if kind in LAWS else ControlLaw.solve
 
 
 class ForceGains(Model):
@@ -105,17 +113,23 @@ class Law(Model):
             for all joints, or one for each.
         bandwidth: of motion axes [Hz].
         damping_ratio: of motion axes.
+        dead_band: force error below which an axis is not moved [N, N*m].
         force: gains of the force loop.
         orientation: how orientation errors are measured.
         null_space: what a redundant arm does with the joints that the task leaves free; these
             goals are added up.
-        solve: how the command of the law becomes torque: by its own closed form, or by a quadratic
-            program that keeps the limits.
+        solve: how the command of the law becomes that of the joints: by its own closed form, or by
+            a quadratic program that keeps the limits; by default as the law has it.
         solver: of the quadratic program.
     """
 
     noun = "a law"
     short: ClassVar = {"enum": list(LAWS)}
+    advice: ClassVar = {
+        "M": "the apparent mass is 'mass'",
+        "D": "the damping is 'damping'",
+        "K": "the spring is 'stiffness', of a law or of an axis",
+    }
 
     kind: Annotated[str, Word(tuple(LAWS), "law", code="TS206")] = Field(
         DEFAULTS[TORQUE], title="Control law"
@@ -138,6 +152,9 @@ class Law(Model):
     damping_ratio: Annotated[AxisValues, GainField(NUMBER, above=0)] | None = Field(
         None, title="Damping ratio of motion axes"
     )
+    dead_band: Annotated[AxisValues, GainField(FORCE, above=0)] | None = Field(
+        None, title="Dead band of the force"
+    )
     force: ForceGains | None = Field(None, title="Gains of the force loop")
     orientation: Annotated[
         Literal["so3", "rpy", "zyz"], Word(("so3", "rpy", "zyz"), "orientation error")
@@ -145,9 +162,9 @@ class Law(Model):
     null_space: Annotated[tuple[str, ...], Words(Word(NULL_SPACE_GOALS, "null-space goal"))] = (
         Field(("posture",), title="Goals in the null space")
     )
-    solve: Annotated[
-        Literal["closed-form", "qp"], Word(("closed-form", "qp"), "torque computation")
-    ] = Field("closed-form", title="Computation of the torques")
+    solve: Annotated[Solve, Word(("closed-form", "qp"), "torque computation")] = Field(
+        default_factory=_usual_solve, title="Computation of the joints' command"
+    )
     solver: Annotated[Literal["daqp", "osqp"], Word(("daqp", "osqp"), "solver")] = Field(
         "daqp", title="Solver of the quadratic program"
     )
@@ -155,7 +172,7 @@ class Law(Model):
     @property
     def control_law(self) -> ControlLaw:
         """What is known of the law that `kind` names."""
-        return COMPUTED_TORQUE if self.kind == COMPUTED_TORQUE.kind else LAWS[self.kind]
+        return JOINT_LAWS.get(self.kind) or LAWS[self.kind]
 
     @property
     def by_entry(self) -> dict[str, dict[str, float | Expression]]:
@@ -330,14 +347,14 @@ class Law(Model):
                 span,
                 f"the law {having} calls it 'damping'",
             )
-        if "solver" in data and data.get("solve", "closed-form") == "closed-form":
+        kind = data.get("kind")
+        if "solver" in data and data.get("solve", _usual_solve({"kind": kind})) == "closed-form":
             context.error(
                 "TS026",
                 "a solver is of the quadratic program, and this law does not solve one",
                 data.node.key_span("solver"),
                 "add 'solve: qp'",
             )
-        kind = data.get("kind")
         if not isinstance(kind, str) or kind not in LAWS:
             return
         _check_command(kind, data, context)
@@ -359,16 +376,29 @@ class Law(Model):
         for key, owner in given:
             name = f"force.{key}" if owner is force else key
             if name not in has:
-                context.error(
-                    "TS207",
-                    f"the law '{kind}' has no gain '{name}'",
-                    owner.node.key_span(key),
-                    f"its gains: {', '.join(has)}",
-                )
+                hint = f"its gains: {', '.join(has)}"
+                if name == "stiffness" and LAWS[kind].soft_axes:
+                    hint += "; a spring is one of an axis: x: {stiffness: 500 N/m}"
+                message = f"the law '{kind}' has no gain '{name}'"
+                context.error("TS207", message, owner.node.key_span(key), hint)
 
 
-#: That of a stage with a path of joints; no file names it.
-JOINT_LAW = Law.model_construct(kind=COMPUTED_TORQUE.kind)
+#: Laws of a stage with a path of joints, by name; no file names them.
+JOINT_LAWS: dict[str, ComputedTorque | JointVelocity] = {
+    law.kind: law for law in (COMPUTED_TORQUE, JOINT_VELOCITY)
+}
+
+
+def joint_law(command: str, solve: Solve) -> Law:
+    """The law of a stage with a path of joints of an arm that is commanded so.
+
+    Args:
+        command: what the joints take.
+        solve: how the file's law becomes what they are commanded.
+    """
+    if command == "torque":
+        return Law.model_construct(kind=COMPUTED_TORQUE.kind, solve=ControlLaw.solve)
+    return Law.model_construct(kind=JOINT_VELOCITY.kind, solve=solve)
 
 
 def default_law(context: ParseContext) -> str:
@@ -399,7 +429,7 @@ def _check_command(kind: str, data: Map, context: ParseContext) -> None:
     other = "command: torque" if takes != TORQUE else "command: velocity, or command: position"
     context.error(
         "TS140",
-        f"the law '{kind}' commands {PLURAL[law.commands]}, and this robot takes {PLURAL[takes]}",
+        f"the law '{kind}' commands {PLURALS[law.commands]}, and this robot takes {PLURALS[takes]}",
         span_of(data.get("kind")),
-        f"law: {dual}; or, for an arm that takes {PLURAL[law.commands]}, under 'robot' {other}",
+        f"law: {dual}; or, for an arm that takes {PLURALS[law.commands]}, under 'robot' {other}",
     )

@@ -13,7 +13,7 @@ from taskspec.spec.model import Model, complete, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.protection import Protection
 from taskspec.spec.quantities import Constant, Entries, ForJoints, QuantityList
-from taskspec.spec.servo import COMMANDS, PLURAL, TORQUE, VELOCITY, Servo
+from taskspec.spec.servo import COMMANDS, PLURALS, TORQUE, VELOCITY, Servo
 from taskspec.spec.sizes import check_sizes
 from taskspec.spec.words import Free, NameReference, Switch, Texts, Word
 from taskspec.text.codes import register
@@ -352,7 +352,7 @@ class Robot(Model):
     @property
     def commands(self) -> str:
         """What its joints take, in the plural."""
-        return PLURAL[self.command]
+        return PLURALS[self.command]
 
     @property
     def laws_command(self) -> str:
