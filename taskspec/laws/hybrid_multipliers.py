@@ -41,6 +41,7 @@ class HybridMultipliers(ControlLaw):
     multipliers = True
     selects = True
     axis_springs = False
+    dual = "hybrid-velocity"
 
     def command(self, case: Case) -> Command:
         """(4.106) with K_lambda [1] and K_I [1/s] diagonal."""

@@ -40,6 +40,7 @@ class HybridReaction(ControlLaw):
     multipliers = True
     selects = True
     axis_springs = False
+    dual = "hybrid-velocity"
 
     def command(self, case: Case) -> Command:
         """(4.121) with K_F diagonal on the coordinates of q_1."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -45,6 +46,10 @@ class HybridVelocity(ControlLaw):
     multipliers = True
     selects = True
     axis_springs = False
+    following: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        "force.damping": {"force.integral": -1}
+    }
+    dual = "hybrid-multipliers"
 
     def design(self, axis: AxisDesign) -> dict[str, Gain]:
         """p, i and d of a force axis; the bandwidth of others, and of joints."""
