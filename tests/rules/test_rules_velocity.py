@@ -122,6 +122,12 @@ def test_a_bound_of_a_gain_is_that_of_the_file_with_it(what, law, now):
         assert unstable == ((factor > 1) == bound.upper), (what, bound.value)
 
 
+def test_a_dead_band_hides_no_instability():
+    """A loop that is linear about its set point is open there, and closed beyond the band."""
+    law = "{{kind: admittance, damping: {damping}, dead_band: 1 N}}"
+    assert [d.code for d in found(written(law, damping="60 N*s/m"))] == ["TS501"]
+
+
 def test_bounds_of_servo_and_sensor_are_those_of_the_file_with_them():
     given = {"damping": "130 N*s/m", "filter": "60 Hz"}
     context = prepare(load_text(written(ADMITTANCE, **given), "t"))
