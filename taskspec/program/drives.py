@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -93,17 +94,14 @@ def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
     w = 2 * math.pi * servo.bandwidth
     most, rates = robot.velocity_limit, np.full(n, np.inf)
     for velocities in (servo.velocity, None if joints is None else joints.speed):
-        if velocities is not None:
-            most = np.minimum(most, velocities)
+        most = np.minimum(most, _of_joints(velocities, n))
     for owner in (servo, joints):
         if owner is not None and (owner.acceleration is not None or owner.jerk is not None):
             acceleration, jerk = excursions(
                 w, servo.damping, 1 / servo.rate, round(servo.rate * period)
             )
-            if owner.acceleration is not None:
-                rates = np.minimum(rates, np.array(owner.acceleration) / acceleration)
-            if owner.jerk is not None:
-                rates = np.minimum(rates, np.array(owner.jerk) / jerk)
+            rates = np.minimum(rates, _of_joints(owner.acceleration, n) / acceleration)
+            rates = np.minimum(rates, _of_joints(owner.jerk, n) / jerk)
     sensor = declared.sensor
     late = replace(SensorModel.of(sensor, period), pole=0.0).lag(period)
     # A command is held for a period, half of it on the average.
@@ -111,3 +109,10 @@ def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
     corner = math.inf if sensor.filter is None else 2 * math.pi * sensor.filter
     loop = ServoLoop(w, servo.damping, delay, corner)
     return Drives(declared.command, most, rates, VELOCITY_FADING, loop)
+
+
+def _of_joints(values: Sequence[float] | None, n: int) -> Vector:
+    """Limits of n joints; infinite where there are none, or not as many as joints (TS414)."""
+    if values is None or len(values) not in (1, n):
+        return np.full(n, np.inf)
+    return np.broadcast_to(np.array(values, dtype=float), (n,))
