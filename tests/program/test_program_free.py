@@ -28,7 +28,7 @@ _BARE = "balanced: true, joint_damping: 5 N*m*s/rad,"
 
 
 def belt(law: str, axes: str) -> str:
-    robot = _BARE if law == "stiffness" else ""
+    robot = _BARE if law == "stiffness" else f"command: {LAWS[law].commands},"
     return BELT.replace("LAW", law).replace("AXES", axes).replace("ROBOT", robot)
 
 

@@ -26,7 +26,10 @@ GOALS = (
     "manipulability",
     "[posture, joint-limits, manipulability]",
 )
-HOLDING = [law for law, facts in LAWS.items() if facts.holds_null_space]
+#: Goals are accelerations under laws of torques; laws of velocities have rates there.
+HOLDING = [
+    law for law, facts in LAWS.items() if facts.holds_null_space and facts.commands == "torque"
+]
 STATES = 400
 N = 7
 
