@@ -27,9 +27,7 @@ GOALS = (
     "[posture, joint-limits, manipulability]",
 )
 #: Goals are accelerations under laws of torques; laws of velocities have rates there.
-HOLDING = [
-    law for law, facts in LAWS.items() if facts.holds_null_space and facts.commands == "torque"
-]
+HOLDING = [k for k, law in LAWS.items() if law.holds_null_space and law.commands == "torque"]
 STATES = 400
 N = 7
 

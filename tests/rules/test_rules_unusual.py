@@ -73,7 +73,11 @@ MULTIPLIERS = [law for law in LAWS if LAWS[law].multipliers]
         # Under it the arm has to be balanced by its hardware.
         {"LAW": "stiffness", "ROBOT": f"{PANDA}, balanced: true"},
         *(under(law, UR5E) for law in LAWS if LAWS[law].force_loop),
-        *({**under(law), "LAW": f"{{kind: {law}, solve: qp}}"} for law in LAWS if LAWS[law].force_loop),
+        *(
+            {**under(law), "LAW": f"{{kind: {law}, solve: qp}}"}
+            for law in LAWS
+            if LAWS[law].force_loop
+        ),
         {"TABLE": "stiffness: rigid"},
         {"TABLE": "stiffness: 1 kN/m"},
         {"TABLE": "motion: {z: 2 mm * sin(2*pi*clock*1 Hz)}"},
