@@ -395,8 +395,8 @@ equations, in `benchmarks/referee`:
 {ANYWHERE + ABOUT} runs of `benchmarks/referee/rub.yaml`, {ANYWHERE} of them drawn evenly (by
 logarithms) from the ranges of `benchmarks/referee/tuning.py`, {ABOUT} about the best so far;
 `--tune` of the benchmark does it again. The task rubs a bench of 15 kN/m elsewhere, with another
-force, friction and path; no run of the tasks below had a part in it. In stages without a set point of
-force, the axis of force then has the gains of the others. This project's gains are designed from
+force, friction and path; no run of the tasks below had a part in it. In stages without a set point
+of force, the axis of force then has the gains of the others. This project's gains are designed from
 what the file says of its surfaces and its servo; those two rules are not given these, but were
 tuned on a contact of the same kind. So tuned, the rule of ROS 2 is as good as this project's laws;
 with its example's gains it bounces on 20 kN/m.
