@@ -164,8 +164,8 @@ def _signal(
         return Problem("TS120", f"the object '{head}' has no signal '{name}'", start, end, hint)
     if head == "joint":
         logged = f"the log alone has it; in expressions: {'.'.join(path[:-1])}"
-        has = "write joint.1.position, joint.1.velocity or joint.1.torque, counted from 1"
-        hint = logged if path[-1] in _LOGGED else has
+        form = "write joint.1.position, joint.1.velocity or joint.1.torque, counted from 1"
+        hint = logged if path[-1] in _LOGGED else form
         return Problem("TS120", f"'{'.'.join(path)}' is not a joint's signal", start, end, hint)
     if head in _FAMILIES:
         return _of_family(path, start, end)

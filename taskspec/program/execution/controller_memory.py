@@ -75,7 +75,6 @@ class ControllerMemory(Evaluations):
     n_known: int  # the path's timing and its tables, where they do not
     n_known_knots: int  # of these
     slowed: int  # whether signals slow the path
-    positions: int  # whether positions are commanded
     has_last_torque: int  # whether the tick reads the torque before
     has_earlier_torque: int  # whether it reads the one before that
     has_program: int  # whether limits may need a program
@@ -251,7 +250,6 @@ def _shared(machine: Machine) -> ControllerMemory:
         n_reactions=len(machine.reactions),
         n_outputs=len(machine.outputs),
         period=machine.period,
-        positions=machine.stage.plan.context.drives.positions,
         **{f"i_{name}": places[name].start for name in names},
     )
     record.take(

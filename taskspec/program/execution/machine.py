@@ -292,7 +292,7 @@ class Machine:
         not committed: the tick did not happen. Returns the number of an event.
         """
         assert runner.solver is not None
-        if self._drives.positions:
+        if self.drives.positions:
             wanted = self._fading.slow(self.applied, self.earlier)
         else:
             wanted = self._fading.step(self.applied, self.rest)
