@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from taskspec.control.command import Command
 from taskspec.deferred import ca
@@ -44,6 +44,8 @@ class Admittance(ControlLaw):
     gains = (BANDWIDTH, MASS, DAMPING, DEAD_BAND)
     derived = (K_V, STIFFNESS)
     commands = "velocity"
+    dual = "hybrid"
+    following: ClassVar[Mapping[str, Mapping[str, float]]] = {"damping": {"mass": 1}}
     force_loop = True
     selects = True
     rest = "K e of the soft axis"
@@ -74,6 +76,10 @@ class Admittance(ControlLaw):
         pull = beyond(state.f[i] - set_point, case.gains.get("dead_band", {}).get(axis))
         pull += K * reference.error[i]
         return (M * rate + T * pull) / (M + T * D + T**2 * K)
+
+    def unreturned(self, gains: Mapping[str, float]) -> float:  # noqa: ARG002
+        """Of the set point alone: it has no integral."""
+        return 1.0
 
     def loop_damping(self, gains: Mapping[str, float]) -> float:
         """D of the axis [N s/m]."""

@@ -348,7 +348,7 @@ def _example(loc: Sequence[str | int]) -> str:
 def _translate(detail: ErrorDetails, root: nodes.Mapping, context: ParseContext) -> None:
     """Reports an error of pydantic, unless it is already reported."""
     kind, loc = detail["type"], _in_file(detail["loc"])
-    if kind == REPORTED:
+    if kind in (REPORTED, "default_factory_not_called"):  # The latter follows from another error.
         return
     if kind == "missing":
         owner, depth = nodes.find(root, loc[:-1])
