@@ -148,8 +148,8 @@ _READING = """\
 - 34 ms cost the task: at 30 mm/s the tool goes a millimetre on after it has touched, which is 20 N
   on 20 kN/m, and the [designed](language/gains.md) damping is so high that the force arrives
   seconds later. Land more slowly, lower the delay, or put a pad between.
-- `force-velocity` has an integral, and `admittance` a mass: the one settles without an offset on
-  a surface that moves, the other overshoots less.
+- `force-velocity` has an integral, so that a surface that moves leaves less of an error than under
+  `admittance`, which has none.
 """
 
 
