@@ -25,7 +25,7 @@ SPRING_DAMPING_RATIO = 0.7
 #: A designed force loop answers at this frequency [Hz].
 INTEGRAL_FREQUENCY = 2.0
 #: Of a motion that is commanded by velocity [Hz].
-_VELOCITY_BANDWIDTH = 2.0
+VELOCITY_BANDWIDTH = 2.0
 #: M / D of an admittance without a mass of the file [s].
 _LAG = 0.005
 #: How many times its least stable damping a force loop over a servo has.
@@ -153,7 +153,10 @@ def velocities(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
     }
     if "force.integral" in law.gain_names:
         damping = gains["force.damping"].value
-        rate = Gain(axis.plant.k / (8 * damping), "designed: k / (8 d)")
+        k = axis.plant.k
+        if axis.plant.servo is not None and math.isinf(k):
+            k = axis.plant.servo.stiffness(Contact(axis.plant.h, k))
+        rate = Gain(k / (8 * damping), "designed: k / (8 d)")
         gains["force.integral"] = axis.of_the_law("force.integral") or rate
     return gains
 
@@ -173,12 +176,14 @@ def admittance(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:  # noqa: 
                 damping = Gain(own, "designed: 2 0.7 sqrt(mass stiffness)")
     if mass is None:
         mass = Gain(_LAG * damping.value, f"designed: {_LAG * 1e3:g} ms damping")
-    return {"mass": mass, "damping": damping, "stiffness": stiffness}
+    band = axis.of_the_law("dead_band")
+    gains = {"mass": mass, "damping": damping, "stiffness": stiffness}
+    return gains | ({} if band is None else {"dead_band": band})
 
 
 def _followed(axis: AxisDesign) -> dict[str, Gain]:
     """Of a motion that velocities follow."""
-    bandwidth = axis.of_the_law("bandwidth") or Gain(_VELOCITY_BANDWIDTH, "designed: 2 Hz")
+    bandwidth = axis.of_the_law("bandwidth") or Gain(VELOCITY_BANDWIDTH, "designed: 2 Hz")
     return {
         "bandwidth": bandwidth,
         "K_V": Gain(2 * math.pi * bandwidth.value, "2 pi bandwidth"),
@@ -192,7 +197,7 @@ def _over_servo(plant: AxisPlant, mass: float | None = None) -> Gain:
     is a gain margin of three.
     """
     stiffest = max(plant.k, plant.face)
-    if plant.servo is None or stiffest <= 0 or not math.isfinite(stiffest):
+    if plant.servo is None or stiffest <= 0:
         return Gain(_UNKNOWN_CONTACT, "designed: no stiffness is known")
     if mass is None:
         least = plant.servo.least_damping(Contact(plant.h, stiffest), _LAG)

@@ -3,7 +3,8 @@
 Along one axis, with r the commanded position, x that of the tool on a contact of stiffness k and h
 the arm's effective mass there,
 
-    x / r = (2 z w s + w^2) / (s^2 + 2 z w s + w^2) (s^2 + c s + b) / (s^2 + c s + b + (k + d s) / h),
+    x / r = (2 z w s + w^2) / (s^2 + 2 z w s + w^2)
+            (s^2 + c s + b) / (s^2 + c s + b + (k + d s) / h),
 
 where the servo follows commands with w and z, and gives way under load with the stiffness h b and
 the damping h c; d is the damping of the contact. A force law that moves with the velocity
@@ -87,9 +88,14 @@ class ServoLoop:
         follows = (2 * self.ratio * self.w * s + self.w**2) / (
             s**2 + 2 * self.ratio * self.w * s + self.w**2
         )
-        returned = on.k + on.d * s
-        gives = (s**2 + c * s + b) / (s**2 + c * s + b + returned / on.h)
-        return returned * follows * gives / (s * (1 + lag * s) * (1 + s / self.corner))
+        # Contact and servo give way one after the other; an exact one leaves the servo alone.
+        returned = 1 / (1 / (on.k + on.d * s) + 1 / (on.h * (s**2 + c * s + b)))
+        return returned * follows / (s * (1 + lag * s) * (1 + s / self.corner))
+
+    def stiffness(self, on: Contact) -> float:
+        """Of contact and servo together, at rest [N/m, N m/rad]."""
+        b, _ = self._give
+        return 1 / (1 / on.k + 1 / (on.h * b)) if on.k > 0 else 0.0
 
     @property
     def _give(self) -> tuple[float, float]:

@@ -33,6 +33,13 @@ COMMANDS = (TORQUE, VELOCITY, POSITION)
 """What the joints of an arm may be commanded."""
 PLURALS = MappingProxyType({TORQUE: "torques", VELOCITY: "velocities", POSITION: "positions"})
 
+
+def command_of(data: Map) -> str:
+    """What the joints are commanded by a raw task; torques where it says nothing that reads."""
+    command = mapping(data.get("robot")).get("command", TORQUE)
+    return str(command) if command in COMMANDS else TORQUE
+
+
 #: By which part a rate may be off a whole multiple.
 _ROUNDING = 1e-9
 Joints = tuple[float, ...]
@@ -57,6 +64,11 @@ class Servo(Model):
     noun = "a servo"
     example = "servo: {bandwidth: 20 Hz, delay: 4 ms}"
     short: ClassVar = Free(filled=True).json()
+    advice: ClassVar = (
+        {"model": "a servo of that name is 'servo: NAME'; of another one give all numbers"}
+        | dict.fromkeys(("latency", "dead_time"), "what comes late is its 'delay'")
+        | dict.fromkeys(("gain", "lookahead_time"), "what they make of it is 'bandwidth', 'delay'")
+    )
 
     about: Annotated[str, Free()] | None = Field(None, title="About")
     bandwidth: Annotated[float, Constant(FREQUENCY, above=0, most=FASTEST)] = Field(

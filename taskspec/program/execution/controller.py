@@ -55,8 +55,7 @@ def _measure(c: ControllerMemory) -> None:
 def _law(c: ControllerMemory) -> bool:
     """The torque of the law, within the limits; whether there is one that may be used here."""
     out = c.new_outputs
-    if c.has_last_torque:
-        copy(c.torque, c.last_torque, c.n)
+    _remember(c)
     evaluate(c.tick)
     if not out[c.i_health] < HEALTHY:
         return False
@@ -65,6 +64,14 @@ def _law(c: ControllerMemory) -> bool:
     if c.stage_ticks == 0 and out[0] != 0.0 and limits[int(out[0]) - 1] != 0:
         return False
     return c.has_program == 0 or _resolve(c)
+
+
+def _remember(c: ControllerMemory) -> None:
+    """Has the tick know the commands of the two before, where it goes by them."""
+    if c.has_last_torque:
+        copy(c.torque, c.last_torque, c.n)
+    if c.has_earlier_torque:
+        copy(c.torque_earlier, c.earlier_torque, c.n)
 
 
 def _renew(c: ControllerMemory) -> None:
@@ -134,6 +141,7 @@ def start(c: ControllerMemory) -> None:
         copy(c.q, c.rest, c.n)
     copy(c.rest, c.torque, c.n)
     copy(c.rest, c.torque_before, c.n)
+    copy(c.rest, c.torque_earlier, c.n)
     zero(c.handed, c.n_handed)
     copy(c.tip_position, c.handed[c.i_handed_p :], 3)
     copy(c.tip_rotation, c.handed[c.i_handed_R :], 9)
@@ -169,8 +177,7 @@ def open_stage(c: ControllerMemory) -> int:
 def _decided(c: ControllerMemory) -> int:
     """Makes the tick; see `control`."""
     out, fading = c.new_outputs, c.fading
-    if c.has_last_torque:
-        copy(c.torque, c.last_torque, c.n)
+    _remember(c)
     evaluate(c.tick)
     answered = c.has_program == 0 or _resolve(c)
     event = int(out[0])
@@ -180,6 +187,7 @@ def _decided(c: ControllerMemory) -> int:
     else:
         over = _fade(c)
         if over or not limit:
+            copy(c.torque, c.torque_earlier, c.n)
             copy(c.new_torque, c.torque, c.n)
             copy(out, c.outputs, c.n_outputs)
             c.stage_ticks += 1
@@ -195,12 +203,17 @@ def _decided(c: ControllerMemory) -> int:
 def _fade(c: ControllerMemory) -> bool:
     """Has the torque fade to what carries the arm; whether its time is over."""
     fading, out, wanted = c.fading, c.new_outputs, c.holding.wanted
+    before, earlier, fades = c.torque_before, c.torque_earlier, c.fade_from
     if fading[0] == 0:
-        copy(c.torque_before, c.fade_from, c.n)
+        for i in range(c.n):
+            fades[i] = before[i] - earlier[i] if c.positions else before[i]
     fading[0] += 1
     share = max(0.0, 1.0 - float(fading[0]) / float(HELD_TICKS))
     for i in range(c.n):
-        wanted[i] = c.rest[i] + share * (c.fade_from[i] - c.rest[i])
+        if c.positions:
+            wanted[i] = before[i] + share * fades[i]
+        else:
+            wanted[i] = c.rest[i] + share * (fades[i] - c.rest[i])
     copy(c.new_torque, c.holding.law, c.n)
     copy(c.torque_before, c.holding.before, c.n)
     c.holding.finite = int(math.isfinite(out[c.i_violation]))
@@ -294,8 +307,7 @@ def opened(c: ControllerMemory) -> bool:
         pose = c.entry_poses[12 * (k - c.needs[c.stage]) :]
         copy(c.estimated_poses[12 * c.needed[k] :], pose, 12)
     evaluate(c.entry)
-    if c.has_last_torque:
-        copy(c.torque, c.last_torque, c.n)
+    _remember(c)
     c.next_knot = _next_knot(c, 0.0)
     if c.choice.code != 0:
         _choose(c)
@@ -461,6 +473,7 @@ def _settled(c: ControllerMemory) -> bool:
 
 def commit(c: ControllerMemory) -> None:
     """Makes the tick one that happened."""
+    copy(c.torque, c.torque_earlier, c.n)
     copy(c.new_torque, c.torque, c.n)
     copy(c.new_outputs, c.outputs, c.n_outputs)
     copy(c.new_memory, c.memory, c.n_memory)

@@ -76,6 +76,7 @@ class ControllerMemory(Evaluations):
     n_known_knots: int  # of these
     slowed: int  # whether signals slow the path
     has_last_torque: int  # whether the tick reads the torque before
+    has_earlier_torque: int  # whether it reads the one before that
     has_program: int  # whether limits may need a program
     solves: int  # whether the programs are solved here
     asks: int  # whether forces are asked of contacts
@@ -132,12 +133,14 @@ class ControllerMemory(Evaluations):
     # the tick: what holds, and what a tick makes of it
     torque: Vector
     torque_before: Vector
+    torque_earlier: Vector  # of the tick before the last one
     outputs: Vector
     memory: Vector
     new_torque: Vector
     new_outputs: Vector
     new_memory: Vector
     last_torque: Vector
+    earlier_torque: Vector
     clamped_cut: Vector
     cut: Vector
     limited: Vector
@@ -258,6 +261,7 @@ def _shared(machine: Machine) -> ControllerMemory:
         torque=machine.torque,
         outputs=machine.outputs,
         torque_before=machine.applied,
+        torque_earlier=machine.earlier,
         last=machine.last,
     )
     zero, estimates = machine.sensor, machine.estimation.estimates
@@ -331,6 +335,8 @@ def _of_stage(shared: ControllerMemory, machine: Machine, runner: StageRunner) -
     record.take(limit_events=limits)
     if runner.last_command is not None:
         record.take(has_last_torque=True, last_torque=runner.last_command)
+    if runner.earlier_command is not None:
+        record.take(has_earlier_torque=True, earlier_torque=runner.earlier_command)
     chooser = runner.chooser
     if chooser is not None:
         record.choice = Evaluation(chooser.look)

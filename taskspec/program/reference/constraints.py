@@ -122,15 +122,30 @@ def equation_gains(
 ) -> Gains:
     """Gains of the equations' force loops, by gain and equation."""
     gains: Gains = {}
+    share = _held_share(context, names)
     for name in names:
-        model = models[name]
-        normals = _normals(context, name)
-        inverse = float((normals * np.linalg.solve(context.start_inertia, normals)).sum(0).max())
-        h = 1.0 / inverse if inverse > 0 else 1.0
-        plant = AxisPlant(h=h, held=h, k=context.compliances[name].stiffness, period=context.period)
+        model, normals = models[name], _normals(context, name)
+        inverse = (normals * np.linalg.solve(context.start_inertia, normals)).sum(0)
+        plant = AxisPlant(
+            h=1.0 / inverse.max() if inverse.max() > 0 else 1.0,
+            held=share[name] / inverse.min() if inverse.min() > 0 else 1.0,
+            k=context.compliances[name].stiffness,
+            period=context.period,
+            servo=context.drives.loop,
+        )
         for gain, value in law.design_equation(model.angular, plant, worth).items():
             gains.setdefault(gain, {})[name] = value
     return gains
+
+
+def _held_share(context: Context, names: Sequence[str]) -> dict[str, float]:
+    """By how much more mass the arm has along each equation at the start while the others hold."""
+    normals = np.array([context.start_equations[name].normal for name in names])
+    if not names:
+        return {}
+    mobility = normals @ np.linalg.solve(context.start_inertia, normals.T)
+    found = np.diag(np.linalg.pinv(mobility)) * np.diag(mobility)
+    return {name: max(float(share), 1.0) for name, share in zip(names, found, strict=True)}
 
 
 def _normals(context: Context, equation: str) -> NDArray[np.float64]:
