@@ -58,7 +58,7 @@ def test_of_two_neighbours_the_weaker_is_widened_by_what_is_missing(stronger, we
 def test_a_limit_that_collides_with_nothing_is_left_as_it_is():
     """Only speed is in the way here, though it is the torque that it collides with."""
     problem, kinds = collide(
-        ("torque", 2.0, 3.0), ("joint", 0.0, 4.0), ("force", 1.0, 5.0), ("speed", -1.0, 1.0)
+        ("command", 2.0, 3.0), ("joint", 0.0, 4.0), ("force", 1.0, 5.0), ("speed", -1.0, 1.0)
     )
     assert relax(problem, kinds)
     np.testing.assert_allclose(problem.lower, [2.0, 0.0, 1.0, -2.0], atol=SPARE)
@@ -68,7 +68,7 @@ def test_a_limit_that_collides_with_nothing_is_left_as_it_is():
 def test_each_limit_gives_way_to_all_before_it():
     """All four collide: joints give way to torque, force to both, speed to all three."""
     problem, kinds = collide(
-        ("speed", -9.0, -8.0), ("force", -5.0, -4.0), ("joint", 0.0, 1.0), ("torque", 2.0, 3.0)
+        ("speed", -9.0, -8.0), ("force", -5.0, -4.0), ("joint", 0.0, 1.0), ("command", 2.0, 3.0)
     )
     assert relax(problem, kinds)
     np.testing.assert_allclose(problem.upper, [2.0, 2.0, 2.0, 3.0], atol=SPARE)
@@ -76,7 +76,7 @@ def test_each_limit_gives_way_to_all_before_it():
 
 def test_nothing_gives_way_to_torque_limits_that_contradict_each_other():
     """There is no answer, and no bound has been touched to get one."""
-    problem, kinds = collide(("torque", 2.0, 3.0), ("torque", -1.0, 0.0), ("joint", 0.0, 1.0))
+    problem, kinds = collide(("command", 2.0, 3.0), ("command", -1.0, 0.0), ("joint", 0.0, 1.0))
     assert not relax(problem, kinds)
     np.testing.assert_array_equal(problem.lower, [2.0, -1.0, 0.0])
 
@@ -93,7 +93,7 @@ def solved(states: States, last=None) -> np.ndarray:
     states.machine.update_terms()
     if last is not None:
         states.machine.torque[:] = last
-    states.solver.remember(states.torque)
+    states.runner.remember(states.torque, states.torque)
     states.evaluate()
     assert states.solver.resolve()
     return states.torque.copy()
@@ -132,7 +132,7 @@ def widened(states: States) -> dict[str, float]:
     Asserts that the rows hold as they are then.
     """
     states.machine.update_terms()
-    states.solver.remember(states.torque)
+    states.runner.remember(states.torque, states.torque)
     states.evaluate()
     problem, counts = states.solver._problem, states.solver.counts
     low, high, collisions = problem.lower.copy(), problem.upper.copy(), counts.relaxed
