@@ -72,7 +72,7 @@ class Case:
             else None.
         joints: reference of a path of joints; None where the axes of the tool are controlled.
         period: of control [s].
-        carried: (m,) velocity that the axes have by what carries their frame; None where that rests.
+        carried: (m,) velocity that the axes have by what carries their frame; None for none.
         left: (m,) velocities that the joints were commanded last, and whether limits had taken
             from them; None where no program keeps limits.
         remembered: what the tick before kept in the slot of a name, 0 as the stage begins; what

@@ -140,7 +140,7 @@ class States:
         solver = self.solver
         solver._x[:], solver._dual[:] = x, dual
         # The answer itself is looked at, before a solver's tolerance is cut off at the rate.
-        *_, step = solver.accept.arguments
-        step[:] = np.inf
+        *_, most, step = solver.accept.arguments
+        most[:], step[:] = np.inf, np.inf
         solver.accept.evaluate()
         return solver.accepted.copy(), float(solver.residual[0])

@@ -176,7 +176,7 @@ def test_torque_beats_a_joint_limit_and_both_beat_a_force_cap():
     states.machine.v[3] = -0.6
     states.machine.wrench[2] = 4.8
     found = widened(states)
-    assert found["torque"] == 0.0
+    assert found["command"] == 0.0
     assert 1 < found["joint"] < 10
     assert found["force"] > 100
 
@@ -201,7 +201,7 @@ def test_a_joint_limit_beats_a_force_cap():
         if states.solver.counts.relaxed == before:
             continue
         found = widened(states)
-        assert found["torque"] == 0.0
+        assert found["command"] == 0.0
         if found["joint"] <= SPARE:
             collisions += 1
             assert found["force"] > SPARE
@@ -218,7 +218,7 @@ def test_a_force_cap_beats_a_limit_on_speed():
     states.machine.v[:] = np.linalg.solve(states.context.start_jacobian[:2], [0.045, 0.0])
     states.machine.wrench[0] = -9.6
     found = widened(states)
-    assert found["torque"] == 0.0
+    assert found["command"] == 0.0
     assert found["joint"] <= SPARE
     assert found["force"] <= SPARE
     assert found["speed"] > 5
