@@ -34,7 +34,6 @@ from taskspec.program.limits.bounds import (
     POSITION_MARGIN,
     SPEED,
     SPEED_SHARE,
-    TURN_SHARE,
     VELOCITY_SHARE,
     Bounds,
     Source,
@@ -294,9 +293,9 @@ def _add_speeds(
         last, wanted = J @ commands.last, J @ commands.wanted
         ahead, first = _direction(wanted), rows.shape[0]
         directions = [ahead, *sides(ahead, "z" in context.robot.axes)]
-        # So much more aside that going on as before stays within the ball.
-        spare = ca.fmax(most**2 - ca.sumsqr(last), 0) / len(directions[1:])
-        more = ca.fmin(spare, (TURN_SHARE * most) ** 2)
+        # Half of what is left of the ball is for going aside, and half for going ahead.
+        spare = ca.fmax(most**2 - ca.sumsqr(last), 0)
+        more = spare / (2 * len(directions[1:]))
         squares = [ca.dot(side, last) ** 2 + more for side in directions[1:]]
         left = ca.fmax(most**2 - sum(squares), 0)
         texts = [f"{what} {show(fastest, unit)}", *(f"{what} aside, {i + 1}" for i in (0, 1))]
