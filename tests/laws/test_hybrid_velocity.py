@@ -122,7 +122,9 @@ def test_the_answer_is_that_of_a_program_in_the_velocities_themselves(law):
             a, inside = drives.rates, np.maximum(room, 0)
             reach = np.minimum(a * (np.sqrt(lag**2 + 2 * inside / a) - lag), fastest)
             reach += np.maximum(np.minimum(room, 0) / lag, -fastest)
-            low, high = (low, np.minimum(high, reach)) if side > 0 else (np.maximum(low, -reach), high)
+            low, high = (
+                (low, np.minimum(high, reach)) if side > 0 else (np.maximum(low, -reach), high)
+            )
         _, inertia, *_, J = (np.array(x) for x in (0, *matrices(states)))
         twist = np.diag([1, 1, 1, 0.3, 0.3, 0.3]) @ J
         Lambda = np.linalg.inv(J @ np.linalg.solve(inertia, J.T))

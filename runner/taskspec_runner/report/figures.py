@@ -303,7 +303,7 @@ def _tracked(run: Run, names: Sequence[str]) -> list[Drawn]:
 
 def _joint_torques(run: Run) -> Chart | None:
     """Torques as shares of their limits, where they have any."""
-    of = "Joint torques" if commanded(run) == "torque" else "Torques of the servo's drives"
+    of = "Joint torques" if commanded(run) == "torque" else "Torques that the servo exerts"
     bounds = _limits(run, "joint_limits")
     return _joints(run, "torque", bounds, f"{of}, share of their limits", _HIGHEST)
 
@@ -320,12 +320,11 @@ def _joint_commands(run: Run) -> Chart | None:
     Such a position is ahead of its joint by what the servo is late, and gives way under load.
     """
     kind = commanded(run)
-    if kind == VELOCITY:
-        title = "Commanded joint velocities, share of their limits"
-        return _joints(run, "velocity.command", _limits(run, "command_limits"), title, _HIGHEST)
     if kind == TORQUE:
         return None
-    names = [n for n in run.columns if n.startswith("joint.") and n.endswith(".position.command")]
+    names = [n for n in run.columns if n.startswith("joint.") and n.endswith(f".{kind}.command")]
+    if kind == VELOCITY:
+        return _joint_velocities(run, names)
     ahead = [run.columns[n] - run.columns[n.removesuffix(".command")] for n in names]
     units = {run.units[n] for n in names}
     if len(units) > 1:
@@ -338,6 +337,20 @@ def _joint_commands(run: Run) -> Chart | None:
     )
     title, note = "Commanded joint positions, ahead of the joints", "commanded − measured"
     return Chart("joint commands", title, unit, traces, note, always=(0.0,))
+
+
+def _joint_velocities(run: Run, names: Sequence[str]) -> Chart | None:
+    """Velocities that are commanded, of which the limits are far away as a rule."""
+    labels = [f"J{n.split('.')[1]}" for n in names]
+    lines = [
+        Drawn(n, f"j{i % 7}", label) for i, (n, label) in enumerate(zip(names, labels, strict=True))
+    ]
+    limits = zip(labels, names, _limits(run, "command_limits"), strict=False)
+    shares = [(size([run.columns[n]]) / most[1], label) for label, n, most in limits if most]
+    said = _HIGHEST.format(max(shares)[1], figure(100 * max(shares)[0])) if shares else ""
+    return of_signals(
+        run, "joint commands", "Commanded joint velocities", lines, said, always=(0.0,)
+    )
 
 
 _HIGHEST = "highest: {} at {} % of its limit"
@@ -373,8 +386,7 @@ def _joints(
     """
     names = [n for n in run.columns if n.startswith("joint.") and n.endswith(f".{kind}")]
     names = [n for n in names if run.column(n) is not None]
-    key = "joint commands" if kind.endswith(".command") else f"joint {kind}s"
-    labels = {n: f"J{n.split('.')[1]}" for n in names}
+    key, labels = f"joint {kind}s", {n: f"J{n.split('.')[1]}" for n in names}
     bounded = [(n, b) for n, b in zip(names, bounds, strict=False) if b is not None]
     if not bounded:
         lines = [Drawn(n, f"j{i % 7}", labels[n], continuous=True) for i, n in enumerate(names)]
