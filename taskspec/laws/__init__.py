@@ -23,11 +23,12 @@ from taskspec.laws.hybrid_velocity import HybridVelocity
 
 from taskspec.laws.law import LAWS, ControlLaw, register
 
-#: The law of a file that names none.
-DEFAULT = Hybrid.kind
+#: The law of a file that names none, by what laws command. Under both an axis moves, yields or
+#: follows a force as its mode says, and a force is reached whatever the stiffness is.
+DEFAULTS = {"torque": Hybrid.kind, "velocity": Admittance.kind}
 
 __all__ = [
-    "DEFAULT",
+    "DEFAULTS",
     "LAWS",
     "PD",
     "Admittance",

@@ -176,7 +176,9 @@ def admittance(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:  # noqa: 
                 damping = Gain(own, "designed: 2 0.7 sqrt(mass stiffness)")
     if mass is None:
         mass = Gain(_LAG * damping.value, f"designed: {_LAG * 1e3:g} ms damping")
-    return {"mass": mass, "damping": damping, "stiffness": stiffness}
+    band = axis.of_the_law("dead_band")
+    gains = {"mass": mass, "damping": damping, "stiffness": stiffness}
+    return gains | ({} if band is None else {"dead_band": band})
 
 
 def _followed(axis: AxisDesign) -> dict[str, Gain]:

@@ -23,7 +23,7 @@ Vector = NDArray[np.float64]
 
 #: How fast what is left of the last stage's command fades, in the joint that has most to fade: a
 #: torque [N m/s, N/s], a velocity [rad/s^2, m/s^2].
-TORQUE_FADING, _VELOCITY_FADING = 1000.0, 2.0
+TORQUE_FADING, VELOCITY_FADING = 1000.0, 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,4 +110,4 @@ def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
     delay = late + period / 2 + servo.delay
     corner = math.inf if sensor.filter is None else 2 * math.pi * sensor.filter
     loop = ServoLoop(w, servo.damping, delay, corner)
-    return Drives(declared.command, most, rates, _VELOCITY_FADING, loop)
+    return Drives(declared.command, most, rates, VELOCITY_FADING, loop)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from taskspec.control.stopping import stopping, within
+from taskspec.control.stopping import slow, stopping, within
 from taskspec.native.kernel import Vector
 from taskspec.native.quadratic import INFEASIBLE, SOLVED, solve
 from taskspec.program.evaluation import evaluate
@@ -137,6 +137,8 @@ def _add_up(c: ControllerMemory) -> None:
 def start(c: ControllerMemory) -> None:
     """Begins the task at its first stage, whose memory this is, from rest at what is measured."""
     _measure(c)
+    if c.positions:
+        copy(c.q, c.rest, c.n)
     copy(c.rest, c.torque, c.n)
     copy(c.rest, c.torque_before, c.n)
     copy(c.rest, c.torque_earlier, c.n)
@@ -276,9 +278,18 @@ def begin(c: ControllerMemory, after: ControllerMemory, again: int) -> None:
 
 
 def stop(c: ControllerMemory) -> None:
-    """The torque that brings the arm to rest, on what is measured."""
-    _measure(c)
+    """The command that brings the arm to rest, on what is measured."""
     copy(c.torque, c.torque_before, c.n)
+    if c.positions:
+        position, before, rate = c.torque, c.torque_before, c.rate
+        slow(rate, c.stop_step, c.n)
+        for i in range(c.n):
+            position[i] = before[i] + c.period * rate[i]
+        return
+    if c.velocities:
+        slow(c.torque, c.stop_step, c.n)
+        return
+    _measure(c)
     stopping(c.inertia, c.gravity, c.v, c.most, c.unheard, c.decay, c.new_torque, c.n)
     within(c.new_torque, c.torque_before, c.stop_step, c.most, c.torque, c.n)
 

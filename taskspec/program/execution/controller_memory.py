@@ -62,6 +62,8 @@ class ControllerMemory(Evaluations):
     carries: int  # whether its torque goes on from that of the stage before
 
     alone: int  # whether there is nobody to whom a tick could be left
+    velocities: int  # whether joints are commanded velocities
+    positions: int  # whether they are commanded positions
     n: int  # joints
     n_reactions: int  # constraint equations
     n_outputs: int  # outputs of the tick
@@ -73,7 +75,6 @@ class ControllerMemory(Evaluations):
     n_known: int  # the path's timing and its tables, where they do not
     n_known_knots: int  # of these
     slowed: int  # whether signals slow the path
-    positions: int  # whether positions are commanded
     has_last_torque: int  # whether the tick reads the torque before
     has_earlier_torque: int  # whether it reads the one before that
     has_program: int  # whether limits may need a program
@@ -156,6 +157,7 @@ class ControllerMemory(Evaluations):
     fade_from: Vector
     most: Vector
     stop_step: Vector
+    rate: Vector  # of commanded positions, as the arm is brought to rest
 
     # a stage that is opened
     last: Vector
@@ -238,6 +240,9 @@ def _shared(machine: Machine) -> ControllerMemory:
         fading=np.zeros(1, dtype=np.int64),
         unheard=np.zeros(len(machine.q), dtype=np.int64),
         decay=decay_time(machine.period),
+        velocities=machine.drives.commands == "velocity",
+        positions=machine.drives.positions,
+        rate=np.zeros(len(machine.q)),
         **_needs(machine, stages),
     )
     record.take(
@@ -245,7 +250,6 @@ def _shared(machine: Machine) -> ControllerMemory:
         n_reactions=len(machine.reactions),
         n_outputs=len(machine.outputs),
         period=machine.period,
-        positions=machine.stage.plan.context.drives.positions,
         **{f"i_{name}": places[name].start for name in names},
     )
     record.take(

@@ -82,6 +82,7 @@ class Machine:
         period: of control [s].
         runners: of the stages, in their order; `runner` is that of the current one.
         terms: the model terms.
+        drives: what the joints are commanded.
         rest: (n,) what an arm at rest is commanded: the torques that carry it, no
             velocity, or where it stands.
         now: stage time, run time [s], and how often each stage has been entered.
@@ -120,8 +121,8 @@ class Machine:
         self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self.terms = terms(robot, self.q, self.v)
-        self._drives = stages[0].plan.context.drives
-        self.rest = self.terms.gravity if self._drives.torques else np.zeros(robot.n)
+        self.drives = stages[0].plan.context.drives
+        self.rest = self.terms.gravity if self.drives.torques else np.zeros(robot.n)
         self.now = np.zeros(2 + len(stages))
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.handed = np.zeros(hand_over.SIZE)
@@ -162,13 +163,17 @@ class Machine:
 
     def start(self) -> None:
         """Enters the first stage from rest at the measured pose."""
-        self.update_terms()
-        if self._drives.positions:
-            self.rest[:] = self.q
-        self.torque[:] = self.applied[:] = self.earlier[:] = self.rest
+        self.torque[:] = self.applied[:] = self.earlier[:] = self.at_rest()
         self._rest_here()
         self._begin(0)
         self._enter(0.0)
+
+    def at_rest(self) -> Vector:
+        """(n,) what the arm is commanded to rest where it is measured; evaluates the terms."""
+        self.update_terms()
+        if self.drives.positions:
+            self.rest[:] = self.q
+        return self.rest
 
     def returned_forces(self, index: int, t: float) -> ReturnedForces | None:
         """What stage `index` requests of contacts at its time t [s], were it entered at rest here.
@@ -287,7 +292,7 @@ class Machine:
         not committed: the tick did not happen. Returns the number of an event.
         """
         assert runner.solver is not None
-        if self._drives.positions:
+        if self.drives.positions:
             wanted = self._fading.slow(self.applied, self.earlier)
         else:
             wanted = self._fading.step(self.applied, self.rest)
