@@ -14,7 +14,7 @@ from referee.forward_dynamics import ComplianceGains
 from referee.metrics import BAND, Metrics
 
 #: Runs of each rule: anywhere in its space, and then about the best so far.
-ANYWHERE, ABOUT = 8, 4
+ANYWHERE, ABOUT = 8, 3
 #: Standard deviation of those about the best, of a logarithm.
 NEAR = 0.4
 #: What costs as much as a force that is off by `BAND`: error of a path [m], time to settle [s].
