@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from taskspec.spec import Robot
 
 Vector = NDArray[np.float64]
+Joints = tuple[float, ...]
 
 #: How fast what is left of the last stage's command fades, in the joint that has most to fade: a
 #: torque [N m/s, N/s], a velocity [rad/s^2, m/s^2].
@@ -93,15 +93,15 @@ def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
     joints = None if protection is None else protection.joints
     w = 2 * math.pi * servo.bandwidth
     most, rates = robot.velocity_limit, np.full(n, np.inf)
+    bounds = [(owner.acceleration, owner.jerk) for owner in (servo, joints) if owner is not None]
     for velocities in (servo.velocity, None if joints is None else joints.speed):
-        most = np.minimum(most, _of_joints(velocities, n))
-    for owner in (servo, joints):
-        if owner is not None and (owner.acceleration is not None or owner.jerk is not None):
-            acceleration, jerk = excursions(
-                w, servo.damping, 1 / servo.rate, round(servo.rate * period)
-            )
-            rates = np.minimum(rates, _of_joints(owner.acceleration, n) / acceleration)
-            rates = np.minimum(rates, _of_joints(owner.jerk, n) / jerk)
+        most = _lower(most, velocities)
+    if any(bound is not None for pair in bounds for bound in pair):
+        # What a command that changes by 1 in a second makes of the reference.
+        made = excursions(w, servo.damping, 1 / servo.rate, round(servo.rate * period))
+        for pair in bounds:
+            for bound, one in zip(pair, made, strict=True):
+                rates = _lower(rates, bound, one)
     sensor = declared.sensor
     late = replace(SensorModel.of(sensor, period), pole=0.0).lag(period)
     # A command is held for a period, half of it on the average.
@@ -111,8 +111,11 @@ def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
     return Drives(declared.command, most, rates, VELOCITY_FADING, loop)
 
 
-def _of_joints(values: Sequence[float] | None, n: int) -> Vector:
-    """Limits of n joints; infinite where there are none, or not as many as joints (TS414)."""
-    if values is None or len(values) not in (1, n):
-        return np.full(n, np.inf)
-    return np.broadcast_to(np.array(values, dtype=float), (n,))
+def _lower(bounds: Vector, other: Joints | None, share: float = 1.0) -> Vector:
+    """The lower of bounds (n,) and others over a share; of another number of joints they are none.
+
+    That they are not for this robot, a rule says.
+    """
+    if other is None or len(other) not in (1, len(bounds)):
+        return bounds
+    return np.minimum(bounds, np.array(other) / share)
