@@ -126,7 +126,7 @@ def test_a_finding_is_of_the_stage_that_it_stands_in() -> None:
     assert ("TS420", "warning", "go") in [(d["code"], d["severity"], d["stage"]) for d in found]
 
 
-#: Of the first 60 files of seed 0: 24, and those that do not end well or of which something is said.
+#: Of the first 60 files of seed 0 the first 24, and those that have a finding or do not end well.
 FIXED = {
     (generator, seed, number): line
     for generator, seeds in yaml.safe_load((HERE / "fixed.yaml").read_text("utf-8")).items()
