@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from functools import lru_cache
 from itertools import islice
 
 _MOST_CHOICES = 12
@@ -22,7 +23,13 @@ def closest(word: str, options: Iterable[str]) -> str | None:
     short, or one with words before it, as `max_force`. A likeness that is less, such as that of
     `axis` and `radius`, is one of other words.
     """
-    folded = {_fold(c): c for c in islice(options, _MOST_COMPARISONS)}
+    return _closest(word, tuple(islice(options, _MOST_COMPARISONS)))
+
+
+@lru_cache(maxsize=1024)
+def _closest(word: str, options: tuple[str, ...]) -> str | None:
+    """The same; a slip that stands in a template is one of each stage that uses it."""
+    folded = {_fold(option): option for option in options}
     wanted = _fold(word)
     if wanted in folded:
         return folded[wanted]

@@ -19,7 +19,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("first", [0])
 def test_spoiled_folders_are_told(folders: Path, first: int) -> None:
-    found = faults.spoiled(folders, first, 40)
+    found = faults.spoiled(folders, first, 16)
     assert [each for each in found if not each.survived] == []
     assert len({each.spoiled.kind for each in found}) > 7
 
@@ -42,8 +42,8 @@ def kind_of(folders: Path, number: int) -> str:
 
 
 def test_logs_that_are_cut_have_the_code_that_follows_from_the_file() -> None:
-    tally = faults.cuts(5)
-    assert tally.tried > 12
+    tally = faults.cuts(3)
+    assert tally.tried > 7
     assert tally.failures == []
 
 

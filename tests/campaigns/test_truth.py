@@ -126,7 +126,7 @@ def test_a_finding_is_of_the_stage_that_it_stands_in() -> None:
     assert ("TS420", "warning", "go") in [(d["code"], d["severity"], d["stage"]) for d in found]
 
 
-#: The first 60 files of seed 0.
+#: Of the first 60 files of seed 0 the first 24, and those that have a finding or do not end well.
 FIXED = {
     (generator, seed, number): line
     for generator, seeds in yaml.safe_load((HERE / "fixed.yaml").read_text("utf-8")).items()
@@ -135,8 +135,11 @@ FIXED = {
 }
 
 
-def test_sixty_files_are_fixed() -> None:
-    assert sorted(FIXED) == [("workshop", 0, number) for number in range(60)]
+def test_files_of_every_kind_of_end_are_fixed() -> None:
+    assert set(FIXED) >= {("workshop", 0, number) for number in range(24)}
+    later = {line for (_, _, number), line in FIXED.items() if number >= 24}
+    assert len(later) == 4
+    assert "well" not in later
 
 
 @pytest.mark.parametrize(("generator", "seed", "number"), FIXED)

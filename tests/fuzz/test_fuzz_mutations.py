@@ -1,4 +1,4 @@
-"""Spoiled files at full depth: 80 of them here, 100 000 by `make fuzz`.
+"""Spoiled files at full depth: 40 of them here, 100 000 by `make fuzz`.
 
 A file takes about 100 ms of one core, three in ten come as far as the checks, and a quarter are
 examined twice. A failing one is made again by its seed: `campaign.py --first SEED --files 1`.
@@ -20,7 +20,7 @@ from injuries import ROOT, case, injured
 from promises import held
 from valid_tasks import tasks
 
-FILES = 80
+FILES = 40
 #: What a process may keep of 8 files that it has examined before [MiB], 2 MiB each. Of 900 files
 #: nothing was kept, but for the first hundred of a process: 5 MiB, taken once by the allocator.
 KEPT = 16.0

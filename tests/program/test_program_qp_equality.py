@@ -159,7 +159,7 @@ def limited_states(count: int, seed: int, colliding: bool = True):
 def test_every_answer_under_active_limits_is_optimal():
     """The residual of all answers is below 1e-8, by the solver's measure and the solvers' own."""
     worst, active, together = 0.0, 0, 0
-    for states, problem, solution in limited_states(50, seed=100):
+    for states, problem, solution in limited_states(20, seed=100):
         assert solution.status is Status.SOLVED
         worst = max(worst, residual(problem, solution.x, solution.dual))
         active += int(np.count_nonzero(solution.dual))
@@ -171,8 +171,8 @@ def test_every_answer_under_active_limits_is_optimal():
             torque, states.torque + factor_of(states) @ solution.x, atol=1e-9
         )
         worst = max(worst, error)
-    assert active > 1200
-    assert together > 300
+    assert active > 480
+    assert together > 120
     assert worst < 1e-8
 
 

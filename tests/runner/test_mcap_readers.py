@@ -220,7 +220,7 @@ def test_wrench_that_tf_moves_is_the_one_of_the_joints(task: str, tmp_path: Path
     stage, accuracy, lever = MOVED[task]
     execute(load_task(SHIPPED / f"{task}.yaml"), tmp_path / "run", report=False)
     run = Run(tmp_path / "run")
-    found = READERS["mcap-ros2-support"](export_run(run, "mcap").path)
+    found = READERS["mcap-ros2-support-fast"](export_run(run, "mcap").path)
     frames = {
         time: {t.child_frame_id: t.transform for t in m.transforms} for time, m in found["/tf"]
     }

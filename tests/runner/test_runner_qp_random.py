@@ -78,7 +78,7 @@ def test_random_tasks_keep_random_limits(
     before them in the order of precedence were in the way.
     """
     wanted = request.config.getoption("random_tasks", default=None)
-    tasks, tally = wanted or 40, Tally()
+    tasks, tally = wanted or 16, Tally()
     for number in range(tasks):
         try:
             program = program_of(number)

@@ -7,6 +7,7 @@ import json
 import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -124,8 +125,14 @@ def versions() -> dict[str, str]:
     return {
         "python": platform.python_version(),
         "taskspec": __version__,
-        **{name: metadata.version(name) for name in _DISTRIBUTIONS},
+        **{name: _version(name) for name in _DISTRIBUTIONS},
     }
+
+
+@cache
+def _version(name: str) -> str:
+    """The version of a distribution, for whose sake its whole description is read."""
+    return metadata.version(name)
 
 
 def now() -> str:
