@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
-from taskspec.laws.servo_loop import ServoLoop
+from taskspec.laws.servo_loop import ServoTiming
 from taskspec.program.sensor import SensorModel
 from taskspec.robot import RobotModel
 
 if TYPE_CHECKING:
-    from taskspec.spec import Robot
+    from taskspec.spec import Control, Robot
 
 Vector = NDArray[np.float64]
 
@@ -36,14 +35,14 @@ class Drives:
         most: (n,) greatest size of what a law commands a joint.
         rates: (n,) how fast it may change [1/s of its unit]; infinite where nothing limits it.
         fading: how fast what the last stage's law commanded fades [1/s of its unit].
-        loop: the servo, as force loops have it; None for torques.
+        timing: of the servo and what is late around it; None for torques.
     """
 
     commands: str
     most: Vector
     rates: Vector
     fading: float
-    loop: ServoLoop | None = None
+    timing: ServoTiming | None = None
 
     @property
     def positions(self) -> bool:
@@ -56,13 +55,13 @@ class Drives:
         return self.commands == "torque"
 
 
-def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
+def drives(robot: RobotModel, declared: Robot, control: Control) -> Drives:
     """The drives of an arm.
 
     Args:
         robot: its model.
         declared: what the file says of it.
-        period: of control [s].
+        control: its rates.
     """
     n = robot.n
     if declared.command == "torque":
@@ -73,11 +72,17 @@ def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
         most = np.minimum(most, servo.velocity)
     if servo.acceleration is not None:
         rates = np.minimum(rates, servo.acceleration)
-    sensor = declared.sensor
-    late = replace(SensorModel.of(sensor, period), pole=0.0).lag(period)
-    # A command is held for a period, half of it on the average.
-    delay = late + period / 2 + servo.delay
-    corner = math.inf if sensor.filter is None else 2 * math.pi * sensor.filter
-    w = 2 * math.pi * servo.bandwidth
-    loop = ServoLoop(w, servo.damping, delay, corner)
-    return Drives(declared.command, most, rates, _VELOCITY_FADING, loop)
+    period = 1.0 / control.rate
+    sensor = SensorModel.of(declared.sensor, period)
+    timing = ServoTiming(
+        w=2 * math.pi * servo.bandwidth,
+        ratio=servo.damping,
+        delay=servo.delay_ticks / servo.rate,
+        period=period,
+        tick=1.0 / servo.rate,
+        step=1.0 / control.plant_rate,
+        late=sensor.delay_ticks * period,
+        held=sensor.hold_ticks,
+        pole=sensor.pole,
+    )
+    return Drives(declared.command, most, rates, _VELOCITY_FADING, timing)

@@ -113,9 +113,7 @@ class LinearPlant:
         bending = sum((r.bending for r in self.rows), np.zeros((c, c)))
         now = np.eye(self.states + n)
         position, rate, command = now[:c], now[c : 2 * c], now[self.states :]
-        servo = (
-            None if self.servo is None else self.servo.begin(now[2 * c : self.states], command)
-        )
+        servo = None if self.servo is None else self.servo.begin(now[2 * c : self.states], command)
         on_joints = np.vstack([command, np.zeros((c - n, now.shape[1]))])
         inertia = self.H + G.T @ M @ G
         implicit = self.H + h * np.diag(self.damping)
