@@ -18,15 +18,19 @@ class Family:
     """A stage for every value of one gain.
 
     Torque and memory are polynomials of second degree in a gain, in 1/gain for an apparent mass:
-    three values say them all.
+    three values say them all. Velocities are other functions of theirs, and are differentiated for
+    each value.
 
     Attributes:
         sampled: the stage as it is.
-        controllers: at `_AT` times its gain.
+        what, on: the gain, and whose.
+        controllers: at `_AT` times its gain; none where velocities are commanded.
         inverse: in 1/gain.
     """
 
     sampled: SampledStage
+    what: str
+    on: tuple[str, ...]
     controllers: tuple[LinearController, ...]
     inverse: bool
 
@@ -35,6 +39,8 @@ class Family:
         """The family of a gain on some axes; None where a member has no derivative."""
         if what == "mass" and pairs_of(sampled.stage.plan.gains, what):
             return None  # The inverse of a matrix is no polynomial of one of its entries.
+        if sampled.stage.plan.law.control_law.commands == "velocity":
+            return Family(sampled, what, tuple(on), (), inverse=False)
         members: list[LinearController] = []
         for factor in _AT:
             moved = 1 / factor if what == "mass" else factor
@@ -46,10 +52,13 @@ class Family:
             if not controller.finite or controller.slots != sampled.controller.slots:
                 return None
             members.append(controller)
-        return Family(sampled, tuple(members), what == "mass")
+        return Family(sampled, what, tuple(on), tuple(members), what == "mass")
 
     def at(self, factor: float) -> LinearController:
         """The controller with its gain times `factor`."""
+        if not self.controllers:
+            gains = scaled(self.sampled.stage.plan.gains, self.what, self.on, factor)
+            return self.sampled.at.under(gains).linear()
         x = 1 / factor if self.inverse else factor
         torque = np.zeros_like(self.sampled.controller.torque)
         memory = np.zeros_like(self.sampled.controller.memory)
