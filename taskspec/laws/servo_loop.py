@@ -175,7 +175,8 @@ class ServoLoop:
         period, s = self.timing.period, np.asarray(1j * frequencies)
         late = np.exp(-s * period)
         rate = (1 - late) / period
-        found = -self._response(s, spring) - mass * rate
+        # The law takes its spring at the end of a period.
+        found = -self._response(s, spring) - mass * rate - spring * period
         return np.asarray(found / (1 + lag * rate))
 
     def _response(self, s: Response, spring: float) -> Response:
