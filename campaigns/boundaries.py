@@ -5,13 +5,14 @@ force that it is to press with, but for a part of it. Whether what that leaves g
 tells on which side of its boundary the loop is. `make boundaries` finds the boundary for servos,
 delays, stiffnesses, commands and laws; table in docs/admittance-boundary.md.
 
-    python campaigns/boundaries.py --servos 2
+    python campaigns/boundaries.py --servos 0 3
 """
 
 from __future__ import annotations
 
 import argparse
 import itertools
+import json
 import math
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,8 +23,9 @@ from pathlib import Path
 import numpy as np
 
 from taskspec.compiler import compile_unchecked
+from taskspec.control.servo import drive_gains
 from taskspec.laws.gains import Gain, Gains
-from taskspec.laws.servo_loop import ServoLoop
+from taskspec.laws.servo_loop import Contact, DrivenAxis, ServoLoop
 from taskspec.program.program import Program
 from taskspec.program.sensor import SensorModel
 from taskspec.spec import load_text
@@ -43,8 +45,8 @@ DAMPING = {"force-velocity": "force.damping", "admittance": "damping"}
 #: M / D that an admittance is designed with [s].
 LAG = 0.005
 
-#: What the arm presses with [N], and the part of it that it begins without. Over a damping of 1 N s/m
-#: a tenth of a newton is 0.1 m/s, at 100 Hz as much as drives can follow.
+#: What the arm presses with [N], and the part of it that it begins without. Over a damping of
+#: 1 N s/m a tenth of a newton is 0.1 m/s, at 100 Hz as much as drives can follow.
 LOAD, PUSH = 20.0, 0.005
 #: From this part of the load on a growing force is looked at no more.
 LARGE = 0.05
@@ -199,17 +201,27 @@ class PressLoop:
         return low, high
 
 
-def pressed(parts: Assembly[Plant], period: float, ticks: int) -> np.ndarray:
-    """(ticks,) what the arm presses with [N], from when it already nearly does.
+def pressed(
+    parts: Assembly[Plant], period: float, ticks: int, load: float = LOAD, push: float = PUSH
+) -> np.ndarray:
+    """(ticks,) what the arm presses down with [N], from when it already nearly does.
 
-    Its drives begin as far ahead of the joints as the load takes.
+    Its drives begin as far ahead of the joints as that takes. A run in which the force comes to
+    nothing, or to twice the load, is over.
+
+    Args:
+        parts: of the run. period: of control [s]. ticks: of it. load: set point [N]. push: part of
+            it that is missing as the run begins.
     """
     plant, machine, context = parts.plant, parts.machine, parts.program.context
     servo, n = plant.arm.servo, context.robot.n
     assert servo is not None
-    load = context.start_jacobian[2] * (1 - PUSH) * LOAD
-    w = 2 * math.pi * context.loaded.task.robot.servo.bandwidth
-    ahead = -np.linalg.solve(w**2 * context.start_inertia, load)
+    robot, timing = context.loaded.task.robot, context.drives.timing
+    assert timing is not None
+    H, stiffness = context.start_inertia, robot.servo.stiffness
+    own = None if stiffness is None else np.broadcast_to(stiffness, n)
+    K, _ = drive_gains(H, timing.w, timing.ratio, own)
+    ahead = -np.linalg.solve(K, context.start_jacobian[2] * (1 - push) * load)
     servo.state[:n] += ahead
     servo.state[n : 2 * n] += ahead
     sensing = Sensing(plant.arm, plant.views.equations, machine)
@@ -226,15 +238,16 @@ def pressed(parts: Assembly[Plant], period: float, ticks: int) -> np.ndarray:
         machine.tick(k * period)
         plant.step(machine.torque)
         force[k] = plant.arm.wrench[2]
-        if machine.ended or abs(force[k] - LOAD) > LOAD:
+        if machine.ended or abs(force[k] - load) > load:
             return force[: k + 1]
     return force
 
 
-def cases(servos: int) -> Iterator[Case]:
-    """All of them, of the first servos; laws and commands last."""
+def cases(servos: Iterable[int]) -> Iterator[Case]:
+    """All of some servos, by their numbers; laws and commands last."""
+    chosen = [SERVOS[number] for number in servos]
     for (bandwidth, ratio), *others in itertools.product(
-        SERVOS[:servos], DELAYS, STIFFNESSES, DAMPING, COMMANDS
+        chosen, DELAYS, STIFFNESSES, DAMPING, COMMANDS
     ):
         delay, stiffness, law, command = others
         yield Case(bandwidth, ratio, delay, stiffness, command, law)
@@ -262,6 +275,11 @@ class Row:
         return Row(case, *loop.formed, loop.predicted, math.sqrt(math.prod(loop.found)))
 
     @property
+    def numbers(self) -> list[float]:
+        """All but the case."""
+        return [self.formed, self.rings, self.predicted, self.found]
+
+    @property
     def off(self) -> float:
         """By which part runs are off what the sampled loop predicts."""
         return self.found / self.predicted - 1
@@ -282,17 +300,54 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
         )
 
 
+def terms() -> Iterator[str]:
+    """Lines of a table: the boundary of one press in closed form, with and without each part."""
+    loop = Case(20, 1.0, 4, 20, law="admittance").loop
+    axis, plant = loop.axis, loop.program.stages[0].plan.design_rules.plants["z"]
+    timing, contact = axis.timing, axis.contact
+    w, ratio, fine = timing.w, timing.ratio, timing.period / 8
+    parts = {
+        "all of it": axis,
+        "contact without its damping": replace(axis, contact=replace(contact, d=0.0)),
+        "without the mass that the simulator adds": replace(axis, contact=replace(contact, m=0.0)),
+        "contact as a spring alone": replace(axis, contact=Contact(contact.k)),
+        "arm that gives way not at all": replace(axis, arm=DrivenAxis.alone(1e9, w, ratio)),
+        "effective mass with the other axes held": replace(
+            axis, arm=DrivenAxis.alone(plant.held, w, ratio)
+        ),
+        "commands without delay": replace(axis, timing=replace(timing, delay=0.0)),
+        "plant in steps of an eighth": replace(axis, timing=replace(timing, step=fine)),
+        "plant, servo and control eight times as fast": replace(
+            axis, timing=replace(timing, step=fine, tick=fine, period=fine)
+        ),
+        "sensor with a low-pass of 30 Hz": replace(
+            axis, timing=replace(timing, pole=math.exp(-2 * math.pi * 30 * timing.period))
+        ),
+    }
+    yield "| closed form | without a mass | M = 5 ms D |"
+    yield "| --- | --- | --- |"
+    for name, part in parts.items():
+        cells = (part.least_damping(lag=lag) for lag in (0.0, LAG))
+        yield f"| {name} | " + " | ".join(f"{d:.4g} N s/m at {f:.3g} Hz" for d, f in cells) + " |"
+
+
 def main(arguments: Sequence[str]) -> int:
     """Finds all boundaries; 1 if one is off by more than is promised."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--servos", type=int, default=len(SERVOS))
+    parser.add_argument("--servos", type=int, nargs="+", default=range(len(SERVOS)))
+    parser.add_argument("--rows", type=Path, default=Path("runs/boundaries.jsonl"))
     parser.add_argument("--page", type=Path, help="in which the table is kept")
     options = parser.parse_args(arguments)
+    options.rows.parent.mkdir(parents=True, exist_ok=True)
+    options.rows.touch()
+    known = dict(map(json.loads, options.rows.read_text("utf-8").splitlines()))
     rows: list[Row] = []
     for case in cases(options.servos):
-        rows.append(Row.of(case))
-        row = rows[-1]
-        print(f"{100 * row.off:+6.2f} %  {case}", flush=True)
+        if str(case) not in known:
+            known[str(case)] = Row.of(case).numbers
+            with options.rows.open("a", encoding="utf-8") as file:
+                file.write(json.dumps([str(case), known[str(case)]]) + "\n")
+        rows.append(Row(case, *known[str(case)]))
     lines = [
         f"{len(rows)} boundaries; runs are off the sampled loop by "
         f"{100 * max(abs(row.off) for row in rows):.1f} % at most, the closed form by "
@@ -301,8 +356,9 @@ def main(arguments: Sequence[str]) -> int:
         *table(rows),
     ]
     if options.page is None:
-        print("\n".join(lines))
+        sys.stdout.write("\n".join([*lines, ""]))
     else:
+        keep(options.page, "terms", terms())
         keep(options.page, "boundaries", lines)
     return int(any(abs(row.off) > PROMISED for row in rows))
 

@@ -165,10 +165,13 @@ def admittance(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:  # noqa: 
     if damping is None:
         moved = {"lag": _LAG} if mass is None else {"mass": mass.value}
         damping = _over_servo(axis.plant, spring=stiffness.value, **moved)
-        if mass is not None and stiffness.value > 0:
-            own = 2 * SPRING_DAMPING_RATIO * math.sqrt(mass.value * stiffness.value)
+        if mass is not None:
+            # A mass may be stable without any, and swing for long.
+            loop = axis.plant.servo
+            returns = stiffness.value + (loop.stiffness if loop is not None and loop.known else 0.0)
+            own = 2 * SPRING_DAMPING_RATIO * math.sqrt(mass.value * returns)
             if own > damping.value:
-                damping = Gain(own, "designed: 2 0.7 sqrt(mass stiffness)")
+                damping = Gain(own, "designed: 2 0.7 sqrt(mass stiffness), drives and contact")
     if mass is None:
         mass = Gain(_LAG * damping.value, f"designed: {_LAG * 1e3:g} ms damping")
     return {"mass": mass, "damping": damping, "stiffness": stiffness}

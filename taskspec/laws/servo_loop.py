@@ -122,16 +122,24 @@ class ServoLoop:
         timing: of servo and sensor.
         arm: along the axis.
         contact: what it moves against.
+        carried: mass beyond a sensor at the wrist, whose inertia that has in its reading [kg].
     """
 
     timing: ServoTiming
     arm: DrivenAxis
     contact: Contact
+    carried: float = 0.0
 
     @property
     def known(self) -> bool:
         """Whether anything gives way along the axis, so that the loop has a boundary."""
         return 0 < self.contact.k < math.inf
+
+    @property
+    def stiffness(self) -> float:
+        """Of contact and drives, one behind the other [N/m, N m/rad]."""
+        gives = self.arm.motion @ np.linalg.solve(self.arm.stiffness, self.arm.motion)
+        return float(1 / (1 / self.contact.k + gives))
 
     def least_damping(
         self, *, lag: float = 0.0, mass: float = 0.0, spring: float = 0.0
@@ -240,7 +248,7 @@ class ServoLoop:
             free[1] += share
             moving[0] += alone * rate
             moving[1] += share * rate
-            pulled += loaded * returned * step
+            pulled += loaded * (returned + self.carried * twice) * step
             through += spring * loaded
         return (free[0], free[1]), (moving[0], moving[1]), pulled, through
 

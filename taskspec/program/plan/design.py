@@ -164,9 +164,13 @@ class DesignRules:
         contact, face = self._environment.returns(axis), self._environment.face
         if axis.is_rotation and face > contact.k:
             contact = Contact(face)
-        stiffness = self._context.loaded.task.robot.servo.stiffness
+        robot = self._context.loaded.task.robot
+        felt = robot.sensor.at == "wrist" and not axis.is_rotation
+        carried = self._context.robot.tool_body.mass if felt else 0.0
+        stiffness = robot.servo.stiffness
         if stiffness is None:
-            return ServoLoop(timing, DrivenAxis.alone(h, timing.w, timing.ratio), contact)
+            alone = DrivenAxis.alone(h, timing.w, timing.ratio)
+            return ServoLoop(timing, alone, contact, carried)
         H, J = self._context.start_inertia, self._kinematics.jacobian[self._kinematics.rows]
         stiffnesses = np.broadcast_to(np.array(stiffness), len(H))
         K, D = drive_gains(H, timing.w, timing.ratio, stiffnesses)
@@ -176,7 +180,7 @@ class DesignRules:
         command = across @ np.linalg.inv(self._mobility)
         into = np.linalg.inv(root)
         arm = DrivenAxis(into @ K @ into.T, into @ D @ into.T, across[:, i], command[:, i])
-        return ServoLoop(timing, arm, contact)
+        return ServoLoop(timing, arm, contact, carried)
 
     def _may_jam(self, axis: Axis) -> bool:
         """Whether it is a force axis along which walls and their friction may hold the tool."""
