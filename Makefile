@@ -130,6 +130,7 @@ docs: docs-shown docs-site  ## the site in build/site, its pictures and what its
 
 docs-shown: $(READY)  ## draw the pictures again, write again what files and commands of the pages say
 	$(BIN)/python docs/images/make.py
+	$(BIN)/python docs/images/admittance.py
 	$(BIN)/python docs/images/screens.py
 	$(BIN)/python tests/docs/diagnostic_pages.py
 	$(BIN)/python tests/docs/shown_pages.py

@@ -172,7 +172,7 @@ class Exported:
                 if samples is not None:
                     samples.append(library.sample.copy())
                 state = library.state
-                machine.torque[:], kept[:] = library.torque, outputs
+                machine.torque[:], kept[:] = library.command, outputs
                 to[t], to[stage] = now[0], library.stage
                 # The tick that breaks a limit belongs to the log.
                 if state == RUNNING or state in (STOPPED, UNKNOWN, UNANSWERED):
@@ -227,7 +227,7 @@ def replayed(made: Exported, samples: Array) -> bytes:
         if i == 0:
             library.answer(sample[-1], first=True)
         library.answer(sample[-1])
-        found.append(np.append(library.torque, [library.state, library.stage]))
+        found.append(np.append(library.command, [library.state, library.stage]))
     return np.array(found).tobytes()
 
 

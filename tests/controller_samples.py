@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from taskspec.compiler import compile_task
+from taskspec.compiler import compile_task, compile_unchecked
 from taskspec.program.program import Program
-from taskspec.spec import load_task
+from taskspec.spec import load_task, load_text
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.sensing import Sensing
 
@@ -40,8 +40,19 @@ expect:
 """
 
 
+#: The same of arms that take velocities or positions, by what they take.
+SERVOS = {
+    command: TOUCH.replace("touch", f"touch-{command}", 1)
+    .replace("  sensor:", f"  command: {command}\n  servo: {{acceleration: 20 rad/s^2}}\n  sensor:")
+    .replace("stages:", f"law: {law}\nstages:")
+    for command, law in (("velocity", "admittance"), ("position", "force-velocity"))
+}
+
+
 @cache
 def program(name: str) -> Program:
+    if name in SERVOS:
+        return compile_unchecked(load_text(SERVOS[name], "touch.yaml"))
     return compile_task(load_task(TASKS / f"{name}.yaml"))
 
 

@@ -70,3 +70,14 @@ class Arm:
     def bias(self, q: Vector, v: Vector) -> Vector:
         """(n,) C(q, v) v + g(q) [N m]."""
         return np.asarray(pin.nonLinearEffects(self.model, self._data, q, v))
+
+    def tip_at(self, q: Vector) -> tuple[Vector, Vector]:
+        """(3, 3) axes and (3,) place of the tip in the world [m], with joints at q (n,)."""
+        pin.framesForwardKinematics(self.model, self._data, q)
+        pose = self._data.oMf[self.tip]
+        return pose.rotation.copy(), pose.translation.copy()
+
+    def jacobian(self, q: Vector) -> Vector:
+        """(6, n) of the tip, world axes, linear above angular."""
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        return np.asarray(pin.computeFrameJacobian(self.model, self._data, q, self.tip, axes))

@@ -42,7 +42,7 @@ class Impedance:
             "the start; the set point of force fed forward; no feedback of force; gravity"
         )
 
-    def torque(self, sample: Sample) -> Vector:
+    def command(self, sample: Sample) -> Vector:
         """(n,) joint torques [N m]."""
         if not sample.visit:
             return sample.extras["gravity"]

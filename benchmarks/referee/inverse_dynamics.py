@@ -50,7 +50,7 @@ class InverseDynamics:
         self._time = 0.0
         self._rest: Vector | None = None
 
-    def torque(self, sample: Sample) -> Vector:
+    def command(self, sample: Sample) -> Vector:
         """(n,) joint torques [N m]."""
         if not sample.visit:
             return sample.extras["gravity"]
@@ -122,7 +122,7 @@ class _Formulation:
         tip = _turn(sample.extras["tip_rotation"])
         return pin.SE3(tip @ self._turned, sample.extras["tip"].copy())
 
-    def torque(self, sample: Sample) -> Vector:
+    def command(self, sample: Sample) -> Vector:
         """(n,) joint torques [N m]."""
         here, T = self._pose(sample), sample.frame
         off = T @ np.where(sample.on_force, 0.0, sample.off)

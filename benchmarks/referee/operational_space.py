@@ -52,7 +52,7 @@ class OperationalSpace:
             "model; the set point of force fed forward; no feedback of force"
         )
 
-    def torque(self, sample: Sample) -> Vector:
+    def command(self, sample: Sample) -> Vector:
         """(n,) joint torques [N m]."""
         if not sample.visit:
             return sample.extras["gravity"]

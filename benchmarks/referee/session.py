@@ -9,9 +9,11 @@ import json
 import socket
 import struct
 import sys
+import time
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -22,6 +24,8 @@ Vector = NDArray[np.float64]
 HELLO, WELCOME, STATE, COMMAND, STOP = 1, 2, 3, 4, 5
 _HEAD, _BODY = struct.Struct("<4sBBHIId"), struct.Struct("<HHBBHIId")
 _ROOM = 16384
+#: What joints may take, as a command's first number has it.
+QUANTITIES = ("torque", "velocity", "position")
 #: Seconds after which a hello is sent again, and in which the plant has to go on.
 _AGAIN, _PATIENCE = 0.2, 60.0
 
@@ -48,11 +52,12 @@ class Sample:
         """(6, n) of the tip, world axes."""
         return self.extras["jacobian"].reshape(-1, 6).T
 
-    @property
+    @cached_property
     def frame(self) -> Vector:
         """(6, 6) from the axes of the stage's frame to those of the world, of a twist or wrench."""
-        R = self.extras["frame"].reshape(3, 3).T
-        return np.block([[R, np.zeros((3, 3))], [np.zeros((3, 3)), R]])
+        T = np.zeros((6, 6))
+        T[:3, :3] = T[3:, 3:] = self.extras["frame"].reshape(3, 3).T
+        return T
 
     @property
     def on_force(self) -> NDArray[np.bool_]:
@@ -62,30 +67,83 @@ class Sample:
     @property
     def feed(self) -> Vector:
         """(6,) the force that is commanded, 0 where none is."""
-        return np.nan_to_num(self.extras["force_ref"])
+        return _filled(self.extras["force_ref"])
+
+    @property
+    def force(self) -> Vector:
+        """(6,) that the robot applies, as measured, in the frame's axes [N, N m]."""
+        return self.extras["force"]
+
+    @property
+    def tip(self) -> tuple[Vector, Vector]:
+        """(3, 3) axes and (3,) place of the tip in the world [m]."""
+        return self.extras["tip_rotation"].reshape(3, 3).T, self.extras["tip"]
+
+    @property
+    def rate(self) -> Vector:
+        """(6,) velocities of the references in the frame's axes, 0 where there is none."""
+        return _filled(self.extras["velocity_ref"])
 
     @property
     def off(self) -> Vector:
         """(6,) reference less position in the frame's axes, 0 where nothing is commanded."""
-        return np.nan_to_num(self.extras["position_ref"] - self.extras["position"])
+        return _filled(self.extras["position_ref"] - self.extras["position"])
 
     @property
     def off_rate(self) -> Vector:
         """(6,) the same of velocities; an axis without a reference is to rest."""
-        rate = np.nan_to_num(self.extras["velocity_ref"])
-        return rate - np.nan_to_num(self.extras["velocity"])
+        return self.rate - _filled(self.extras["velocity"])
+
+
+def _filled(values: Vector) -> Vector:
+    """With 0 for what is not there."""
+    return np.where(np.isnan(values), 0.0, values)
 
 
 class Law(Protocol):
     """A controller that referees."""
 
-    def torque(self, sample: Sample) -> Vector:
-        """(n,) joint torques, gravity included."""
+    def command(self, sample: Sample) -> Vector:
+        """(n,) what the arm's joints take.
+
+        Torques with gravity [N m, N], velocities [rad/s, m/s] or positions [rad, m].
+        """
         ...
 
 
+class Answers:
+    """What a law answers to the samples of a plant.
+
+    Attributes:
+        taken: processor time of each answer [s].
+    """
+
+    def __init__(self, law: Law, told: Mapping[str, Any]) -> None:
+        """Of a law, to a plant with that welcome."""
+        self.taken: list[float] = []
+        self._law, self._names = law, [name for name, _ in told["extras"]]
+        self._ends = np.cumsum([length for _, length in told["extras"]])[:-1]
+        self._quantity = QUANTITIES.index(told["robot"].get("command", QUANTITIES[0]))
+
+    def to(self, state: bytes) -> bytes:
+        """The body of the command that answers the body of a state."""
+        _, _, n, m, _, _, visit, at = _BODY.unpack_from(state)
+        values = np.frombuffer(state, "<f8", offset=_BODY.size)
+        parts = np.split(values[2 * n + 6 + m :], self._ends)
+        extras = dict(zip(self._names, parts, strict=True))
+        sample = Sample(visit, at, values[:n], values[n : 2 * n], extras)
+        began = time.thread_time()
+        given = np.asarray(self._law.command(sample), dtype=float)
+        self.taken.append(time.thread_time() - began)
+        return struct.pack("<HBBI", self._quantity, n, 0, 0) + given.tobytes()
+
+
 class Session:
-    """One plant that is driven from hello to stop."""
+    """One plant that is driven from hello to stop.
+
+    Attributes:
+        told: the plant's welcome.
+    """
 
     def __init__(self, port: int, name: str) -> None:
         """Says hello until it is answered.
@@ -109,9 +167,7 @@ class Session:
 
     def drive(self, law: Law) -> str:
         """Answers every sample by a law; what the plant says at its end."""
-        ends = np.cumsum([length for _, length in self.told["extras"]])[:-1]
-        names = [name for name, _ in self.told["extras"]]
-        newest, answer = -1, b""
+        answers, newest, answer = Answers(law, self.told), -1, b""
         while True:
             kind, _, number, body = _read(self._link.recv(_ROOM))
             if kind == STOP:
@@ -120,13 +176,7 @@ class Session:
             if kind != STATE:
                 continue
             if number > newest:
-                _, _, n, m, _, _, visit, time = _BODY.unpack_from(body)
-                values = np.frombuffer(body, "<f8", offset=_BODY.size)
-                parts = np.split(values[2 * n + 6 + m :], ends)
-                extras = dict(zip(names, parts, strict=True))
-                sample = Sample(visit, time, values[:n], values[n : 2 * n], extras)
-                torque = np.asarray(law.torque(sample), dtype=float)
-                newest, answer = number, struct.pack("<HBBI", 0, n, 0, 0) + torque.tobytes()
+                newest, answer = number, answers.to(body)
             self._link.send(_packet(COMMAND, self._session, number, answer))
 
 

@@ -4,7 +4,7 @@
     taskspec plant tasks/wipe-table.yaml --listen udp://127.0.0.1:39017
     python examples/fmu/couple.py wipe_table.fmu 39017
 
-Controller first, then plant: the torques of a sample are applied from its time on.
+Controller first, then plant: the commands of a sample are applied from its time on.
 It knows nothing of taskspec: of the FMU what its modelDescription.xml says, of the plant what
 docs/protocol.md says, as the client beside it.
 """
@@ -21,13 +21,13 @@ from fmpy import extract, read_model_description
 from fmpy.fmi3 import FMU3Slave
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "plant"))
-from client import BODY, COMMAND, HELLO, STATE, STOP, WELCOME, packet, read
+from client import BODY, COMMAND, HELLO, QUANTITIES, STATE, STOP, WELCOME, packet, read
 
-START = 1  # flag of the first sample, whose torques are not applied
+START = 1  # flag of the first sample, whose answer is not applied
 
 
 class Controller:
-    """An instance of the FMU, which takes samples and answers them with torques."""
+    """An instance of the FMU, which takes samples and answers them with commands."""
 
     def __init__(self, path, folder):
         """Instantiates it, extracted to a folder."""
@@ -35,7 +35,11 @@ class Controller:
         references = {v.name: v.valueReference for v in about.modelVariables}
         sample = ("position.", "velocity.", "wrench.", "reaction.")
         self.inputs = [references[name] for name in references if name.startswith(sample)]
-        self.torques = [references[name] for name in references if name.startswith("torque.")]
+        commands = [name for name in references if name.startswith(("torque.", "command."))]
+        self.commands = [references[name] for name in commands]
+        # torque.JOINT, or command.velocity.JOINT, command.position.JOINT
+        quantity = commands[0].removeprefix("command.").partition(".")[0]
+        self.quantity = QUANTITIES.index(quantity)
         self.period, self.time = float(about.coSimulation.fixedInternalStepSize), 0
         identifier = about.coSimulation.modelIdentifier
         self.fmu = FMU3Slave(
@@ -47,7 +51,7 @@ class Controller:
         self.fmu.instantiate()
 
     def answer(self, sample, start):
-        """(n,) torques for positions, velocities, wrench and reactions, one after the other."""
+        """(n,) commands for positions, velocities, wrench and reactions, one after the other."""
         if start:
             self.fmu.enterInitializationMode(startTime=0.0)
         self.fmu.setFloat64(self.inputs, sample)
@@ -56,7 +60,7 @@ class Controller:
         else:
             self.fmu.doStep(self.time * self.period, self.period)
             self.time += 1
-        return np.array(self.fmu.getFloat64(self.torques))
+        return np.array(self.fmu.getFloat64(self.commands))
 
     def close(self):
         """Ends it."""
@@ -83,8 +87,9 @@ def main(controller, port):
             if kind == STATE and number > newest:
                 flags, _, n, m, *_ = BODY.unpack_from(body)
                 sample = np.frombuffer(body, "<f8", 2 * n + 6 + m, BODY.size)
-                torque = controller.answer(sample, flags & START)
-                newest, answer = number, struct.pack("<HBBI", 0, n, 0, 0) + torque.tobytes()
+                command = controller.answer(sample, flags & START)
+                head = struct.pack("<HBBI", controller.quantity, n, 0, 0)
+                newest, answer = number, head + command.tobytes()
             if kind == STATE:  # one that comes again is answered again
                 link.send(packet(COMMAND, session, number, answer))
         print("the plant says:", body.decode())

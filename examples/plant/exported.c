@@ -22,18 +22,19 @@ static struct TASK *task;
 
 /* The sample's numbers stand in the order of the header. Its stamp says which period it is of:
  * where samples were lost, `step` goes through their periods, too. */
-static const char *answered(const struct sample *s, double *torque) {
+static const char *answered(const struct sample *s, double *command) {
     enum { N = sizeof in.q / sizeof *in.q };
     const double *values = s->values;
     int over = answer.state != 0;
     if (s->joints != N) return "the plant's robot has another number of joints";
+    if (s->quantity != OF(quantity)) return "the plant's robot is commanded something else";
     memcpy(in.q, values, sizeof in.q), memcpy(in.v, values + N, sizeof in.v);
     memcpy(in.wrench, values + 2 * N, sizeof in.wrench);
     for (int i = 0; i < s->reactions; i++) in.reactions[i] = values[2 * N + 6 + i];
     in.stamp = s->stamp;
     if (s->flags & START) OF(start)(task, &in, &answer);
     else OF(step)(task, &in, &answer);
-    memcpy(torque, answer.torque, sizeof answer.torque);
+    memcpy(command, &answer, N * sizeof *command); /* it begins with what is commanded */
     /* The plant ends the run where the file does. Where it goes on, the plant gets the reason. */
     return over && answer.state != 0 ? OF(status)(task).text : 0;
 }

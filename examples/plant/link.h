@@ -14,13 +14,16 @@
 enum { HELLO = 1, WELCOME, STATE, COMMAND, STOP, HEAD = 24, BODY = 24, JOINTS = 16, LONGEST = 16384 };
 enum { START = 1, LAST = 2 }; /* flags of a sample: its answer is not applied; it has none */
 
+enum { TORQUE, VELOCITY, POSITION }; /* what the joints are commanded */
+
 /* A sample. After the velocities come wrench (6), reactions and extras. */
 struct sample {
-    int flags, joints, reactions;
+    int flags, joints, reactions, quantity;
     double stamp, values[LONGEST / 8];
 };
-/* Answers a sample with torques; 0 to go on, else why it ends the run. */
-typedef const char *controller(const struct sample *s, double *torque);
+/* Answers a sample with what the joints are commanded, a torque, velocity or position each, as
+ * the sample's `quantity` says; 0 to go on, else why it ends the run. */
+typedef const char *controller(const struct sample *s, double *command);
 
 static uint32_t crc32(const unsigned char *data, size_t size) {
     uint32_t crc = ~0u;
@@ -50,6 +53,14 @@ static int kind_of(const unsigned char *p, ssize_t size) {
     return said == size && crc == crc32(p, (size_t)size - 4) ? p[5] : 0;
 }
 
+/* What the arm of a welcome takes. */
+static int quantity_of(unsigned char *welcome, ssize_t size) {
+    welcome[size - 4] = 0; /* its text ends where the checksum was */
+    const char *text = (const char *)welcome + HEAD;
+    if (strstr(text, "\"command\":\"velocity\"")) return VELOCITY;
+    return strstr(text, "\"command\":\"position\"") ? POSITION : TORQUE;
+}
+
 /* Has a controller drive the plant at a port of this machine, until the plant or it stops.
  * Returns 0 where the plant had the last word. */
 static int drive(const char *name, int port, controller *answer) {
@@ -60,7 +71,7 @@ static int drive(const char *name, int port, controller *answer) {
     struct timespec tenth = {.tv_nsec = 100000000};
     int link = socket(AF_INET, SOCK_DGRAM, 0), kind = 0, silent = 0;
     uint32_t session = 0, number, newest = 0, any = 0;
-    double torque[JOINTS];
+    double command[JOINTS];
     const char *why = 0;
     size_t size = 0;
     at.sin_port = htons((uint16_t)port), at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -77,7 +88,7 @@ static int drive(const char *name, int port, controller *answer) {
         if (silent > (session ? 100 : 600))
             return fprintf(stderr, "%s: no plant answers at port %d\n", name, port), 1;
         kind = got < 0 ? 0 : kind_of(in, got);
-        if (kind == WELCOME) memcpy(&session, in + 8, 4);
+        if (kind == WELCOME) memcpy(&session, in + 8, 4), s.quantity = quantity_of(in, got);
         if (kind != STATE || !session) continue;
         memcpy(&number, in + 12, 4);
         if (!any || number > newest) {
@@ -85,14 +96,15 @@ static int drive(const char *name, int port, controller *answer) {
             s.joints = in[HEAD + 4], s.reactions = in[HEAD + 5];
             if (s.joints > JOINTS) return fprintf(stderr, "%s: too many joints\n", name), 1;
             memcpy(s.values, in + HEAD + BODY, (size_t)got - HEAD - BODY - 4);
-            why = answer(&s, torque);
+            why = answer(&s, command);
             if (why && !(s.flags & LAST)) { /* the plant's server brings the arm to rest */
                 size_t body = strlen(why) < 8 * JOINTS ? strlen(why) : 8 * JOINTS;
                 memcpy(out + HEAD, why, body);
                 size = seal(out, STOP, session, 0, body);
             } else {
-                memset(out + HEAD, 0, 8), out[HEAD + 2] = (unsigned char)s.joints;
-                memcpy(out + HEAD + 8, torque, 8 * (size_t)s.joints);
+                memset(out + HEAD, 0, 8);
+                out[HEAD] = (unsigned char)s.quantity, out[HEAD + 2] = (unsigned char)s.joints;
+                memcpy(out + HEAD + 8, command, 8 * (size_t)s.joints);
                 size = seal(out, COMMAND, session, number, 8 + 8 * (size_t)s.joints);
             }
             newest = number, any = 1;

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from taskspec.spec import LoadedTask
-    from taskspec_runner.link.robot import TorqueRobot
+    from taskspec_runner.link.robot import CommandedRobot
     from taskspec_runner.result import RunResult
     from taskspec_runner.runs import Run
 
@@ -26,7 +26,7 @@ def run(
     telemetry: str | None = None,
     force: bool = False,
     loop: Literal["native", "python"] | None = None,
-    robot: str | TorqueRobot | None = None,
+    robot: str | CommandedRobot | None = None,
     lost: Literal["catch-up", "hold"] = "catch-up",
     stop_after: int = 20,
 ) -> RunResult:
@@ -44,7 +44,7 @@ def run(
         loop: what runs its ticks; the numbers are the same. None for machine code where there can
             be some: the interpreter in a short run, code of the task's own in a long one.
         robot: to run it on instead of in simulation: an address such as `udp://127.0.0.1:39017`, or
-            a `taskspec_runner.link.robot.TorqueRobot`. What is judged then is what was measured;
+            a `taskspec_runner.link.robot.CommandedRobot`. What is judged then is what was measured;
             `seed` and `world` are not used.
         lost: what becomes of a sample of the robot that is lost; see docs/protocol.md.
         stop_after: how many in a row may be lost.
@@ -81,7 +81,7 @@ def run(
 
 
 def _run_on(
-    robot: str | TorqueRobot,
+    robot: str | CommandedRobot,
     task: LoadedTask,
     folder: Path | None,
     policy: tuple[str, int],

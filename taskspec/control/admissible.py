@@ -91,6 +91,30 @@ def _towards(
     )
 
 
+def joint_velocities(
+    q: ca.SX, room: tuple[ca.DM, ca.DM], fastest: ca.DM, slowing: ca.DM, lag: float
+) -> tuple[ca.SX, ca.SX]:
+    """Least and greatest q' (n,) that may be commanded so that joints stop before their limits.
+
+    Args:
+        q: (n,) where they are [rad, m].
+        room: (n,) lower and upper position limit.
+        fastest: (n,) velocity limit.
+        slowing: (n,) deceleration that can be commanded, inf for no limit.
+        lag: for how long a joint goes on before it slows down [s].
+    """
+    lower, upper = room
+
+    def towards(left: ca.SX) -> ca.SX:
+        back = ca.fmax(ca.fmin(left, 0) / lag, -fastest)
+        return ca.fmin(reach(ca.fmax(left, 0), slowing, lag), fastest) + back
+
+    rise, fall = towards(upper - q), towards(q - lower)
+    # Beyond one limit, the return is as fast as the other one allows.
+    rise = ca.fmax(rise, -fall)
+    return -ca.fmax(fall, -rise), rise
+
+
 def reach(room: ca.SX, slowing: ca.SX | ca.DM, lag: float | ca.DM) -> ca.SX:
     """The greatest w >= 0 with lag w + w^2 / (2 slowing) <= room."""
     # slowing (sqrt(lag^2 + 2 x / slowing) - lag), without the difference of two large numbers.

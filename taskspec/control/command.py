@@ -26,6 +26,7 @@ class Command:
         bare: nothing is compensated, not even gravity.
         velocity: (m,) of the task axes, of laws that command velocities; else None.
         joint_velocity: (n,) of the whole arm, in place of `velocity` and posture.
+        motion: (n,) the same before constraints, of laws with multipliers.
         memory: what the law remembers, by the name of its slot.
     """
 
@@ -36,4 +37,5 @@ class Command:
     bare: bool = False
     velocity: ca.SX | None = None
     joint_velocity: ca.SX | None = None
+    motion: ca.SX | None = None
     memory: Mapping[str, ca.SX] = field(default_factory=dict)

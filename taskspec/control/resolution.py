@@ -62,11 +62,7 @@ def velocity(command: Command, state: TaskState, posture: ca.SX | None) -> ca.SX
     if command.joint_velocity is not None:
         return command.joint_velocity
     assert command.velocity is not None
-    through = command.velocity
-    if posture is not None:
-        through = through - state.J @ posture
-    found = inverse_directions(state) @ through
-    return found if posture is None else found + posture
+    return resolved(command.velocity, state, posture)
 
 
 def full_acceleration(acceleration: ca.SX, state: TaskState, posture: ca.SX | None) -> ca.SX:
@@ -77,10 +73,20 @@ def full_acceleration(acceleration: ca.SX, state: TaskState, posture: ca.SX | No
         state: the arm.
         posture: (n,) q''_p, None where the arm is not redundant.
     """
-    through = acceleration - state.drift
+    return resolved(acceleration - state.drift, state, posture)
+
+
+def resolved(rates: ca.SX, state: TaskState, posture: ca.SX | None) -> ca.SX:
+    """Joint rates (n,) that give the task its own, J^bar (rates - J p) + p.
+
+    Args:
+        rates: (m,) of the axes.
+        state: the arm.
+        posture: (n,) p, None where the arm is not redundant.
+    """
     if posture is not None:
-        through = through - state.J @ posture
-    found = inverse_directions(state) @ through
+        rates = rates - state.J @ posture
+    found = inverse_directions(state) @ rates
     return found if posture is None else found + posture
 
 

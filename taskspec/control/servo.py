@@ -25,6 +25,9 @@ from taskspec.deferred_methods import dataclass
 
 Array = NDArray[np.float64]
 
+#: Time constants after which an error is nothing.
+_DECAYED = 30.0
+
 
 @dataclass(frozen=True, slots=True)
 class ServoReference:
@@ -115,6 +118,37 @@ def transition(frequency: float, ratio: float, period: float) -> Array:
     c, s = cosine(turn), period * (sine(turn) / turn if turn else 1.0)
     rows = (c + sigma * s, s, -(frequency**2) * s, c - sigma * s)
     return math.exp(-sigma * period) * np.array(rows)
+
+
+def excursions(frequency: float, ratio: float, period: float, ticks: int) -> tuple[float, float]:
+    """The most acceleration and jerk [1/s] of a reference whose command changes by 1 a second.
+
+    The command changes once in so many ticks of the servo, to and fro as it is worst. It is the
+    sum of the sizes of what one change leaves in the ticks that are as late after theirs.
+
+    Args:
+        frequency: w [rad/s].
+        ratio: zeta.
+        period: of the servo [s].
+        ticks: of it in a period of control.
+    """
+    step = transition(frequency, ratio, period).reshape(2, 2)
+    slowest = frequency * (ratio - math.sqrt(max(ratio**2 - 1.0, 0.0)))
+    count = ticks * math.ceil(_DECAYED / (slowest * period * ticks))
+    errors = np.empty((count + 1, 2))
+    errors[0] = 0.0, 1.0
+    for i in range(count):
+        errors[i + 1] = step @ errors[i]
+    acceleration = -np.diff(errors[:, 1]) / period
+    jerk = np.diff(acceleration, prepend=0.0) / period
+    held = ticks * period
+    most = (np.abs(each).reshape(-1, ticks).sum(axis=0).max() for each in (acceleration, jerk))
+    return float(held * next(most)), float(held * next(most))
+
+
+def overshoot(ratio: float) -> float:
+    """By which share a reference with this damping ratio goes beyond what it comes to."""
+    return math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else 0.0
 
 
 def drive_gains(H: Any, frequency: Any, ratio: Any, stiffness: Any | None) -> tuple[Any, Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -113,6 +115,16 @@ def within_rate(torque: Array, before: Array, step: Array, most: Array) -> Array
     return np.asarray(np.clip(np.clip(torque, before - step, before + step), -most, most))
 
 
+def slow(rate: Vector, step: Vector, n: int) -> None:
+    """Makes commanded velocities those of the next tick, of an arm that is to come to rest.
+
+    Kernel; see `slowed`.
+    """
+    for i in range(n):
+        known = rate[i] if math.isfinite(rate[i]) else 0.0
+        rate[i] = known - min(max(known, -step[i]), step[i])
+
+
 def slowed(rate: Array, step: Array) -> Array:
     """Commanded velocities (n,) of the next tick, of an arm that is to come to rest.
 
@@ -120,5 +132,6 @@ def slowed(rate: Array, step: Array) -> Array:
         rate: (n,) of this tick; what is no number is as good as rest [rad/s, m/s].
         step: (n,) the most that each changes in a tick, inf for no limit.
     """
-    known = np.where(np.isfinite(rate), rate, 0.0)
-    return np.asarray(known - np.clip(known, -step, step))
+    found = np.array(rate)
+    slow(vector(found), vector(np.ascontiguousarray(step)), len(found))
+    return found

@@ -47,6 +47,8 @@ _OTHERS = {
     "wrench": "force.z",
 }  # fmt: skip
 """What other systems call a signal."""
+_LOGGED = ("command", "servo", "exerted", "measured")
+"""Ends of columns of joints that the log has beside their signals."""
 _TRUTH = ("yes", "no", "on", "off", "true", "false")
 
 
@@ -161,7 +163,9 @@ def _signal(
         hint = suggestion(name, has, f"signals of '{head}'")
         return Problem("TS120", f"the object '{head}' has no signal '{name}'", start, end, hint)
     if head == "joint":
-        hint = "write joint.1.position, joint.1.velocity or joint.1.torque, counted from 1"
+        logged = f"the log alone has it; in expressions: {'.'.join(path[:-1])}"
+        form = "write joint.1.position, joint.1.velocity or joint.1.torque, counted from 1"
+        hint = logged if path[-1] in _LOGGED else form
         return Problem("TS120", f"'{'.'.join(path)}' is not a joint's signal", start, end, hint)
     if head in _FAMILIES:
         return _of_family(path, start, end)

@@ -18,15 +18,17 @@ from taskspec.laws.hybrid_multipliers import HybridMultipliers
 from taskspec.laws.hybrid_reaction import HybridReaction
 from taskspec.laws.admittance import Admittance
 from taskspec.laws.force_velocity import ForceVelocity
+from taskspec.laws.hybrid_velocity import HybridVelocity
 # isort: on
 
 from taskspec.laws.law import LAWS, ControlLaw, register
 
-#: The law of a file that names none.
-DEFAULT = Hybrid.kind
+#: The law of a file that names none, by what laws command. Under both an axis moves, yields or
+#: follows a force as its mode says, and a force is reached whatever the stiffness is.
+DEFAULTS = {"torque": Hybrid.kind, "velocity": Admittance.kind}
 
 __all__ = [
-    "DEFAULT",
+    "DEFAULTS",
     "LAWS",
     "PD",
     "Admittance",
@@ -35,6 +37,7 @@ __all__ = [
     "Hybrid",
     "HybridMultipliers",
     "HybridReaction",
+    "HybridVelocity",
     "Impedance",
     "ImpedanceNatural",
     "PDJoint",

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from taskspec.control.command import Command
+from taskspec.deferred import ca
 from taskspec.laws import design
-from taskspec.laws.gains import BANDWIDTH, DAMPING, K_V, MASS, STIFFNESS, AxisDesign, Gain
+from taskspec.laws.gains import (
+    BANDWIDTH,
+    DAMPING,
+    DEAD_BAND,
+    K_V,
+    MASS,
+    STIFFNESS,
+    AxisDesign,
+    Gain,
+)
 from taskspec.laws.law import ControlLaw, register
 
 if TYPE_CHECKING:
-    import casadi as ca
-
     from taskspec.geometry.axis import Axis
     from taskspec.laws.case import Case
 
@@ -25,6 +33,7 @@ class Admittance(ControlLaw):
         once a period with damper and spring taken at its end; x' is against the reference.
     Motion axes:          x' = x'_d + w e, w = 2 pi bandwidth.
 
+    With a dead band b, f - f_d counts by what it exceeds b: a sensor's bias below b moves nothing.
     The spring is that of the measured position, so that it comes to rest where K e = f_d - f
     whatever the servo has lost.
     """
@@ -32,9 +41,11 @@ class Admittance(ControlLaw):
     kind = "admittance"
     title = "admittance control"
     equations = "M x'' + D x' + K x = f - f_d"
-    gains = (BANDWIDTH, MASS, DAMPING)
+    gains = (BANDWIDTH, MASS, DAMPING, DEAD_BAND)
     derived = (K_V, STIFFNESS)
     commands = "velocity"
+    dual = "hybrid"
+    following: ClassVar[Mapping[str, Mapping[str, float]]] = {"damping": {"mass": 1}}
     force_loop = True
     selects = True
     rest = "K e of the soft axis"
@@ -50,7 +61,7 @@ class Admittance(ControlLaw):
         kept: dict[str, ca.SX] = {}
         for axis in (*case.force, *case.soft):
             i = state.axes.index(axis)
-            rate = case.remembered(slot(axis))
+            rate = case.kept(axis, case.remembered(slot(axis)))
             kept[slot(axis)] = moved = self._rate(case, axis, rate)
             velocity[i] = reference.velocity[i] + moved
         return Command(wrench=0 * state.f, velocity=velocity, memory=kept)
@@ -62,12 +73,24 @@ class Admittance(ControlLaw):
         M, D = case.gain("mass", axis), case.gain("damping", axis)
         K = case.gain("stiffness", axis)
         set_point = reference.force[i] if axis in case.force else reference.released[i]
-        pull = state.f[i] - set_point + K * reference.error[i]
+        pull = beyond(state.f[i] - set_point, case.gains.get("dead_band", {}).get(axis))
+        pull += K * reference.error[i]
         return (M * rate + T * pull) / (M + T * D + T**2 * K)
+
+    def unreturned(self, gains: Mapping[str, float]) -> float:  # noqa: ARG002
+        """Of the set point alone: it has no integral."""
+        return 1.0
 
     def loop_damping(self, gains: Mapping[str, float]) -> float:
         """D of the axis [N s/m]."""
         return gains.get("damping", 0.0)
+
+
+def beyond(force: ca.SX, band: Gain | None) -> ca.SX:
+    """By how much a force exceeds a dead band; all of it where there is none [N, N m]."""
+    if band is None:
+        return force
+    return ca.if_else(ca.fabs(force) < band.value, 0, force - ca.sign(force) * band.value)
 
 
 def slot(axis: Axis) -> str:

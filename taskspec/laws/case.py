@@ -8,7 +8,7 @@ import casadi as ca
 
 from taskspec.control import linear
 from taskspec.control.reference import Reference, opposite
-from taskspec.control.resolution import full_acceleration
+from taskspec.control.resolution import full_acceleration, resolved
 from taskspec.control.state import TaskState
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
@@ -72,6 +72,8 @@ class Case:
             else None.
         joints: reference of a path of joints; None where the axes of the tool are controlled.
         period: of control [s].
+        left: (m,) velocities that the joints were commanded last, and whether limits had taken
+            from them; None where no program keeps limits.
         remembered: what the tick before kept in the slot of a name, 0 as the stage begins; what
             is kept now is the command's `memory`.
     """
@@ -88,11 +90,21 @@ class Case:
     free: FreeDirections | None = None
     joints: JointReference | None = None
     period: float = 0.0
+    left: tuple[ca.SX, ca.SX] | None = None
     remembered: Callable[[str], ca.SX] = _nothing
 
     def gain(self, name: str, axis: Axis) -> float:
         """One gain on one axis [SI]."""
         return self.gains[name][axis].value
+
+    def kept(self, axis: Axis, rate: ca.SX) -> ca.SX:
+        """A velocity against the reference that is remembered: what limits have left of it."""
+        if self.left is None:
+            return rate
+        i, (commanded, limited) = self.state.axes.index(axis), self.left
+        moved = commanded[i] - self.reference.velocity[i]
+        least, most = ca.fmin(rate, 0), ca.fmax(rate, 0)
+        return ca.if_else(limited, ca.fmin(ca.fmax(moved, least), most), rate)
 
     def diagonal(self, name: str) -> ca.DM | ca.SX:
         """(m,) one gain on all axes, zero where an axis has none."""
@@ -143,6 +155,16 @@ class Case:
     def applied(wrench: ca.SX) -> ca.SX:
         """A force in the sign of what the robot applies."""
         return opposite(wrench)
+
+    def joint_rates(self) -> ca.SX:
+        """q' (n,) that the motion loops command of an arm that takes velocities.
+
+        On a path of joints that is q'_d + w (q_d - q), joint by joint.
+        """
+        if self.joints is not None:
+            return self.joints.velocity + self.of_joints("K_V") * self.joints.error
+        velocity = self.reference.velocity + self.diagonal("K_V") * self.reference.error
+        return resolved(velocity, self.state, self.posture)
 
     def joint_motion(self) -> ca.SX:
         """q'' (n,) that the motion loops command, whatever constrains the arm.

@@ -24,7 +24,7 @@ SPRING_DAMPING_RATIO = 0.7
 #: A designed force loop answers at this frequency [Hz].
 INTEGRAL_FREQUENCY = 2.0
 #: Of a motion that is commanded by velocity [Hz].
-_VELOCITY_BANDWIDTH = 2.0
+VELOCITY_BANDWIDTH = 2.0
 #: M / D of an admittance without a mass of the file [s].
 _LAG = 0.005
 #: How many times its least stable damping a force loop over a servo has.
@@ -144,14 +144,24 @@ def velocities(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
     """Gains of an axis that is commanded by velocity: of its motion, or p, i and d of its force."""
     if not axis.force:
         return _followed(axis)
-    gains = {
-        "force.proportional": axis.of_the_law("force.proportional") or Gain(1.0, "designed: 1"),
-        "force.damping": axis.of_the_law("force.damping") or _over_servo(axis.plant),
-    }
+    proportional = axis.of_the_law("force.proportional") or Gain(1.0, "designed: 1")
+    integral, damping = axis.of_the_law("force.integral"), axis.of_the_law("force.damping")
+    if "force.integral" not in law.gain_names:
+        integral = Gain(0.0, "none")
+    loop = axis.plant.servo
+    k = axis.plant.k
+    if loop is not None and math.isinf(k):
+        k = loop.stiffness
+    if damping is None:
+        given = 0.0 if integral is None else integral.value
+        damping = _over_servo(axis.plant, proportional=proportional.value, integral=given)
+        if integral is None:
+            # The integral follows the damping; beside that of a larger one it would be less late.
+            given = k / (8 * damping.value)
+            damping = _over_servo(axis.plant, proportional=proportional.value, integral=given)
+    gains = {"force.proportional": proportional, "force.damping": damping}
     if "force.integral" in law.gain_names:
-        damping = gains["force.damping"].value
-        rate = Gain(axis.plant.k / (8 * damping), "designed: k / (8 d)")
-        gains["force.integral"] = axis.of_the_law("force.integral") or rate
+        gains["force.integral"] = integral or Gain(k / (8 * damping.value), "designed: k / (8 d)")
     return gains
 
 
@@ -174,12 +184,14 @@ def admittance(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:  # noqa: 
                 damping = Gain(own, "designed: 2 0.7 sqrt(mass stiffness), drives and contact")
     if mass is None:
         mass = Gain(_LAG * damping.value, f"designed: {_LAG * 1e3:g} ms damping")
-    return {"mass": mass, "damping": damping, "stiffness": stiffness}
+    band = axis.of_the_law("dead_band")
+    gains = {"mass": mass, "damping": damping, "stiffness": stiffness}
+    return gains | ({} if band is None else {"dead_band": band})
 
 
 def _followed(axis: AxisDesign) -> dict[str, Gain]:
     """Of a motion that velocities follow."""
-    bandwidth = axis.of_the_law("bandwidth") or Gain(_VELOCITY_BANDWIDTH, "designed: 2 Hz")
+    bandwidth = axis.of_the_law("bandwidth") or Gain(VELOCITY_BANDWIDTH, "designed: 2 Hz")
     return {
         "bandwidth": bandwidth,
         "K_V": Gain(2 * math.pi * bandwidth.value, "2 pi bandwidth"),

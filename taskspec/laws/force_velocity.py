@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar
 
 from taskspec.control.command import Command
 from taskspec.laws import design
@@ -38,6 +39,10 @@ class ForceVelocity(ControlLaw):
     gains = (BANDWIDTH, FORCE_PROPORTIONAL, FORCE_INTEGRAL, FORCE_DAMPING)
     derived = (K_V,)
     commands = "velocity"
+    dual = "hybrid"
+    following: ClassVar[Mapping[str, Mapping[str, float]]] = {
+        "force.damping": {"force.integral": -1}
+    }
     force_loop = True
     selects = True
     axis_springs = False
@@ -45,6 +50,10 @@ class ForceVelocity(ControlLaw):
     def design(self, axis: AxisDesign) -> dict[str, Gain]:
         """p, i and d of a force axis; the bandwidth of others."""
         return design.velocities(self, axis)
+
+    def unreturned(self, gains: Mapping[str, float]) -> float:
+        """p of the set point, and as much as that has once the integral is full."""
+        return gains.get("force.proportional", 0.0) + (gains.get("force.integral", 0.0) > 0)
 
     def command(self, case: Case) -> Command:
         """The velocity of each axis."""

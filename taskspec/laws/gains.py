@@ -48,6 +48,8 @@ class LawGain:
 MASS = LawGain("mass", units.MASS)
 STIFFNESS = LawGain("stiffness", units.STIFFNESS)
 DAMPING = LawGain("damping", units.DAMPING)
+#: Of a force that moves an axis: what is less does not.
+DEAD_BAND = LawGain("dead_band", units.FORCE)
 #: What a file calls the damping of a law that damps joints.
 JOINT_DAMPING = LawGain("joint_damping", units.DAMPING)
 BANDWIDTH = LawGain(

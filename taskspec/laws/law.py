@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, TypeVar
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeVar
 
 from taskspec.laws import conditions, design
 from taskspec.laws.gains import Gain, Gains, LawGain
@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from taskspec.laws.case import Case
     from taskspec.laws.conditions import AxisContact, StabilityCondition
     from taskspec.laws.gains import AxisDesign
+
+
+Solve = Literal["closed-form", "qp"]
+"""How the command of a law becomes that of the joints."""
 
 
 class ControlLaw(ABC):
@@ -44,6 +48,10 @@ class ControlLaw(ABC):
         rest: equation of the force that its springs come to rest with.
         commands: what it commands the joints: `torque`, or `velocity`, which an arm that takes
             positions is commanded by as well.
+        solve: how its command becomes that of the joints, where a file does not say it.
+        following: designed gains that change with another gain of their axis, by the other and by
+            themselves, with their power of it.
+        dual: the law that does the same on arms that take what this one does not command.
     """
 
     kind: ClassVar[str]
@@ -64,6 +72,9 @@ class ControlLaw(ABC):
     undamped: ClassVar[str] = ""
     rest: ClassVar[str] = "K e"
     commands: ClassVar[str] = "torque"
+    solve: ClassVar[Solve] = "closed-form"
+    following: ClassVar[Mapping[str, Mapping[str, float]]] = {}
+    dual: ClassVar[str] = "admittance"
 
     @abstractmethod
     def command(self, case: Case) -> Command:
@@ -113,6 +124,16 @@ class ControlLaw(ABC):
             gains: on the axis, by name [SI].
         """
         return gains.get("force.damping", gains.get("damping", 0.0))
+
+    def unreturned(self, gains: Mapping[str, float]) -> float:  # noqa: ARG002
+        """What a force loop pushes with against its damping where nothing returns its force.
+
+        A multiple of the set point: its own, and as much again once its integral is full.
+
+        Args:
+            gains: on the axis, by name [SI].
+        """
+        return 2.0
 
     # What it comes to
 
@@ -229,6 +250,16 @@ def register(law: _L) -> _L:
         raise ValueError(f"there is a law {law.kind!r} already")
     LAWS[law.kind] = law()
     return law
+
+
+def commanding(commands: str, having: Callable[[ControlLaw], bool]) -> list[str]:
+    """The names of laws that command something and have a fact, for a message.
+
+    Args:
+        commands: `torque` or `velocity`.
+        having: the fact.
+    """
+    return [kind for kind, law in LAWS.items() if law.commands == commands and having(law)]
 
 
 def gain_named(name: str) -> LawGain:

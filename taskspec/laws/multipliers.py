@@ -58,7 +58,11 @@ class Multipliers:
 
     def kept(self, wanted: ca.SX) -> ca.SX:
         """q'' (n,) nearest to `wanted` that keeps the constraints, T E_2^T E_2 q'' + Gamma."""
-        return constrained.eliminate(self.J, self.gamma, self.directions, wanted)
+        return self.nearest(wanted, self.gamma)
+
+    def nearest(self, wanted: ca.SX, rest: ca.SX) -> ca.SX:
+        """x (n,) with J x + rest = 0, rest (m,), that differs from `wanted` along q_1 alone."""
+        return constrained.eliminate(self.J, rest, self.directions, wanted)
 
     def command(
         self, wanted: ca.SX, reaction: ca.SX, damping: ca.DM | ca.SX, released: ca.SX

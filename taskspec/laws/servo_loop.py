@@ -113,6 +113,17 @@ class ServoTiming:
     held: int = 1
     pole: float = 0.0
 
+    def along(self, h: float, contact: Contact) -> ServoLoop:
+        """The loop along an axis with the effective mass h [kg, kg m^2], for itself."""
+        return ServoLoop(self, DrivenAxis.alone(h, self.w, self.ratio), contact)
+
+    @property
+    def whole_delay(self) -> float:
+        """From a force to a servo that moves for it, without a low-pass [s]."""
+        # A command is held for a period, half of it on the average.
+        sensed = self.step + self.late + (self.held - 1) / 2 * self.period
+        return sensed + self.period / 2 + self.delay
+
 
 @dataclass(frozen=True, slots=True)
 class ServoLoop:
@@ -132,8 +143,8 @@ class ServoLoop:
 
     @property
     def known(self) -> bool:
-        """Whether anything gives way along the axis, so that the loop has a boundary."""
-        return 0 < self.contact.k < math.inf
+        """Whether anything returns a force along the axis, so that the loop has a boundary."""
+        return self.contact.k > 0
 
     @property
     def stiffness(self) -> float:
@@ -142,7 +153,13 @@ class ServoLoop:
         return float(1 / (1 / self.contact.k + gives))
 
     def least_damping(
-        self, *, lag: float = 0.0, mass: float = 0.0, spring: float = 0.0
+        self,
+        *,
+        lag: float = 0.0,
+        mass: float = 0.0,
+        spring: float = 0.0,
+        proportional: float = 1.0,
+        integral: float = 0.0,
     ) -> tuple[float, float]:
         """The damping D below which the loop is unstable, and where a loop with that rings [Hz].
 
@@ -152,11 +169,18 @@ class ServoLoop:
             lag: time constant M / D of an apparent mass that grows with D [s].
             mass: an apparent mass of its own [kg, kg m^2].
             spring: stiffness of the axis about the measured position [N/m, N m/rad].
+            proportional, integral: what the force's error is taken times, and its integral [1/s].
         """
         highest = math.pi / self.timing.period
 
         def wanted(frequencies: Frequencies) -> Response:
-            return self._wanted(frequencies, lag, mass, spring)
+            s = np.asarray(1j * frequencies)
+            late = np.exp(-s * self.timing.period)
+            rate = (1 - late) / self.timing.period
+            # The law takes its spring and its integral at the end of a period.
+            found = -self._response(s, spring) * (proportional + integral / rate)
+            found -= mass * rate + spring * self.timing.period
+            return np.asarray(found / (1 + lag * rate))
 
         frequencies = np.geomspace(_LOWEST * highest, highest, _COARSE)
         found = wanted(frequencies)
@@ -177,15 +201,6 @@ class ServoLoop:
             if closer[j].real > least:
                 least, at = float(closer[j].real), low
         return least, at / (2 * math.pi)
-
-    def _wanted(self, frequencies: Frequencies, lag: float, mass: float, spring: float) -> Response:
-        """(k,) the D with which the loop would ring for ever at each frequency; real if it can."""
-        period, s = self.timing.period, np.asarray(1j * frequencies)
-        late = np.exp(-s * period)
-        rate = (1 - late) / period
-        # The law takes its spring at the end of a period.
-        found = -self._response(s, spring) - mass * rate - spring * period
-        return np.asarray(found / (1 + lag * rate))
 
     def _response(self, s: Response, spring: float) -> Response:
         """G (k,): force that the law has, per velocity that it commands."""
@@ -241,14 +256,16 @@ class ServoLoop:
             # Of a step v' = v + h a, y' = y + h v'.
             rate = (1 - step) / t.step
             twice = rate**2 / step
-            returned = on.k + on.d * rate + on.m * twice
-            alone, loaded = held / twice, held / (twice + gamma * returned)
-            share = returned * alone * loaded / held
+            gives = np.zeros_like(s)
+            if math.isfinite(on.k):
+                gives = 1 / (on.k + on.d * rate + on.m * twice)
+            force = 1 / (gamma + twice * gives)
+            alone, loaded = held / twice, held * force * gives
             free[0] += alone
-            free[1] += share
+            free[1] += alone * force
             moving[0] += alone * rate
-            moving[1] += share * rate
-            pulled += loaded * (returned + self.carried * twice) * step
+            moving[1] += alone * force * rate
+            pulled += (held * force + loaded * self.carried * twice) * step
             through += spring * loaded
         return (free[0], free[1]), (moving[0], moving[1]), pulled, through
 

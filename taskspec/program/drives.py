@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.control.servo import excursions
 from taskspec.deferred_methods import dataclass
+from taskspec.laws.design import GAIN_MARGIN
 from taskspec.laws.servo_loop import ServoTiming
 from taskspec.program.sensor import SensorModel
 from taskspec.robot import RobotModel
@@ -20,7 +22,7 @@ Vector = NDArray[np.float64]
 
 #: How fast what is left of the last stage's command fades, in the joint that has most to fade: a
 #: torque [N m/s, N/s], a velocity [rad/s^2, m/s^2].
-TORQUE_FADING, _VELOCITY_FADING = 1000.0, 2.0
+TORQUE_FADING, VELOCITY_FADING = 1000.0, 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,8 @@ class Drives:
     Attributes:
         commands: `torque` [N m, N], `velocity` [rad/s, m/s] or `position` [rad, m].
         most: (n,) greatest size of what a law commands a joint.
-        rates: (n,) how fast it may change [1/s of its unit]; infinite where nothing limits it.
+        rates: (n,) how fast it may change [1/s of its unit]; infinite where nothing limits it. A
+            servo then meets none of its own limits of acceleration and jerk.
         fading: how fast what the last stage's law commanded fades [1/s of its unit].
         timing: of the servo and what is late around it; None for torques.
     """
@@ -48,6 +51,24 @@ class Drives:
     def positions(self) -> bool:
         """Whether positions are commanded."""
         return self.commands == "position"
+
+    @property
+    def lag(self) -> float:
+        """For how long a joint goes on before it slows down [s], with a margin.
+
+        A reference that is held stops within v / w of where it is, a delay later.
+        """
+        assert self.timing is not None
+        return GAIN_MARGIN * (self.timing.whole_delay + 1 / self.timing.w)
+
+    def approach(self, period: float) -> float:
+        """The share of what is left before a limit of speed that a period may use up.
+
+        x = w (2 zeta s + w) / (s^2 + 2 zeta w s + w^2) z goes beyond a step of z, and not beyond
+        what z + z' 2 zeta / w has been.
+        """
+        assert self.timing is not None
+        return 1 - math.exp(-period * self.timing.w / (2 * self.timing.ratio))
 
     @property
     def torques(self) -> bool:
@@ -66,16 +87,26 @@ def drives(robot: RobotModel, declared: Robot, control: Control) -> Drives:
     n = robot.n
     if declared.command == "torque":
         return Drives("torque", robot.torque_limit, np.full(n, np.inf), TORQUE_FADING)
-    servo = declared.servo
+    servo, protection = declared.servo, declared.protection
+    joints = None if protection is None else protection.joints
+    w = 2 * math.pi * servo.bandwidth
     most, rates = robot.velocity_limit, np.full(n, np.inf)
-    if servo.velocity is not None:
-        most = np.minimum(most, servo.velocity)
-    if servo.acceleration is not None:
-        rates = np.minimum(rates, servo.acceleration)
     period = 1.0 / control.rate
+    for velocities in (servo.velocity, None if joints is None else joints.speed):
+        if velocities is not None:
+            most = np.minimum(most, velocities)
+    for owner in (servo, joints):
+        if owner is not None and (owner.acceleration is not None or owner.jerk is not None):
+            acceleration, jerk = excursions(
+                w, servo.damping, 1 / servo.rate, round(servo.rate * period)
+            )
+            if owner.acceleration is not None:
+                rates = np.minimum(rates, np.array(owner.acceleration) / acceleration)
+            if owner.jerk is not None:
+                rates = np.minimum(rates, np.array(owner.jerk) / jerk)
     sensor = SensorModel.of(declared.sensor, period)
     timing = ServoTiming(
-        w=2 * math.pi * servo.bandwidth,
+        w=w,
         ratio=servo.damping,
         delay=servo.delay_ticks / servo.rate,
         period=period,
@@ -85,4 +116,4 @@ def drives(robot: RobotModel, declared: Robot, control: Control) -> Drives:
         held=sensor.hold_ticks,
         pole=sensor.pole,
     )
-    return Drives(declared.command, most, rates, _VELOCITY_FADING, timing)
+    return Drives(declared.command, most, rates, VELOCITY_FADING, timing)

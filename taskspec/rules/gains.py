@@ -9,10 +9,10 @@ from dataclasses import replace
 from taskspec.expression import Expression
 from taskspec.expression.tree import Name, walk
 from taskspec.geometry.axis import PAIRS, Axis, axes_of, coupled, entry_dimension
-from taskspec.laws import LAWS
+from taskspec.laws import ControlLaw
 from taskspec.laws.coupled import least_eigenvalue
 from taskspec.laws.gains import MATRICES, Gain, Gains, pairs_of, rows
-from taskspec.laws.law import gain_named
+from taskspec.laws.law import commanding, gain_named
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import KeyPath
@@ -42,7 +42,7 @@ def misplaced_entries(stage: StagePlan) -> Iterator[Finding]:
                         "TS257",
                         f"the gains of {law.kind!r} are constants, and {name!r} varies",
                         place,
-                        f"laws whose gains may vary: {_with_springs()}",
+                        _with_springs(law, "laws whose gains may vary", "write a number"),
                         unless=("TS257",),
                     )
                 continue
@@ -54,7 +54,7 @@ def misplaced_entries(stage: StagePlan) -> Iterator[Finding]:
             ) else []  # fmt: skip
             if law.selects:
                 reason = f"{law.kind!r} has its gains axis by axis"
-                hint = f"laws with matrices of gains: {_with_springs()}"
+                hint = _with_springs(law, "laws with matrices of gains", "leave the entry out")
             elif missing:
                 reason = f"stage {stage.name!r} has no axis {missing[0]!r}"
                 hint = f"its axes: {', '.join(stage.axes)}"
@@ -68,8 +68,10 @@ def misplaced_entries(stage: StagePlan) -> Iterator[Finding]:
             )
 
 
-def _with_springs() -> str:
-    return ", ".join(kind for kind, law in LAWS.items() if not law.selects)
+def _with_springs(law: ControlLaw, these: str, otherwise: str) -> str:
+    """The laws that have springs in place of this one, or what to do where there are none."""
+    having = ", ".join(commanding(law.commands, lambda each: not each.selects))
+    return f"{these}: {having}" if having else otherwise
 
 
 @rule(

@@ -21,17 +21,24 @@ _ROTATIONS = AXES[3:]
 
 @rule("TS214", "a limit that nothing keeps", phase=Phase.AXES)
 def unkept_limits(stage: StagePlan) -> Iterator[Finding]:
-    """A limit on the torques' rate in a stage whose torques are a closed form's."""
-    if stage.law.solve == "qp" or stage.limits.torque_rate is None:
+    """A limit on the torques' rate in a stage whose torques are a closed form's, or a servo's."""
+    task = stage.context.loaded.task
+    torques = task.robot.takes_torques
+    if (torques and stage.law.solve == "qp") or task.limits_of(stage.spec).torque_rate is None:
         return
     own = stage.spec.limits is not None and stage.spec.limits.torque_rate is not None
     owner = FILE.stages[stage.name].limits if own else FILE.limits
+    if torques:
+        why = f"in stage {stage.name!r}: its torques are those of a closed form"
+        hint = "solve the law by a program that keeps it, as in 'law: {kind: hybrid, solve: qp}'"
+    else:
+        why = f"of a robot that takes {task.robot.commands}: its torques are those of its servo"
+        hint = "limit the servo's reference: robot: {servo: {acceleration: .., jerk: ..}}"
     yield error(
         "TS214",
-        f"nothing keeps 'torque_rate' in stage {stage.name!r}: its torques are those of a closed "
-        "form",
+        f"nothing keeps 'torque_rate' {why}",
         key_of(owner.torque_rate),
-        "solve the law by a program that keeps it, as in 'law: {kind: hybrid, solve: qp}'",
+        hint,
         unless=("TS214",),  # The file's limits are those of several stages.
     )
 

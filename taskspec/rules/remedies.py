@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from taskspec.geometry.axis import PAIRS
+from taskspec.laws.gains import Gain
 from taskspec.laws.law import gain_named
 from taskspec.program.context import Context
 from taskspec.spec import FILE, KeyPath, Task
 from taskspec.stability.budget import Budget
 from taskspec.stability.gain_paths import gain_path, law_path, together, turns
-from taskspec.stability.margin import PROPOSED, QUIET, STABLE, Limit, Search
+from taskspec.stability.margin import (
+    BANDWIDTH,
+    DELAY,
+    OF_THE_ROBOT,
+    PROPOSED,
+    QUIET,
+    STABLE,
+    Limit,
+    Search,
+)
 from taskspec.stability.sampled_stage import SampledStage
-from taskspec.text.units import inside, number, sensible, show
+from taskspec.text.units import inside, number, scaled, sensible, show
 
 #: No more gain changes of a stage are proposed than these.
 _MOST_PROPOSED = 2
@@ -34,6 +44,9 @@ def remedies(
 ) -> list[Limit]:
     """What would stabilise a stage: gains of the file before designed ones, a softer contact.
 
+    Under a servo it is what makes the stage quiet, too, and while friction holds its tool as well,
+    as far as that is possible: a loop that is just stable rings.
+
     Args:
         context: the task.
         analysed: the stage.
@@ -43,15 +56,39 @@ def remedies(
         ringing: whether it rings; else it is unstable.
     """
     search = Search(context, analysed, task, QUIET if ringing else STABLE, budget=budget)
+    if context.loaded.task.robot.takes_torques:
+        best = _best(analysed, search, axis)
+        return best if ringing else [_well_inside(limit) for limit in best]
+    stuck = None if analysed.sticking else analysed.stuck()
+    quiet = replace(search, good=QUIET)
+    ways = [quiet, search] if stuck is None else [replace(quiet, beside=(stuck,)), quiet, search]
+    for way in ways:
+        best = _best(analysed, way, axis)
+        if budget.take():
+            best += [each for each in way.robot() if each.what != BANDWIDTH and each.value > 0]
+        if best:
+            return [_well_inside(limit) for limit in best]
+    return []
+
+
+def _best(analysed: SampledStage, search: Search, axis: str) -> list[Limit]:
+    """Changes of gains, and of the stiffness of contacts, of one kind of search."""
     best = list(itertools.islice(_gains(analysed, search, axis), _MOST_PROPOSED))
+    gains = [analysed.stage.plan.gains.get(what, {}) for what in ("damping", "force.damping")]
+    designed = any(axis in by and by[axis].origin != "file" for by in gains)
+    if designed and not analysed.context.loaded.task.robot.takes_torques:
+        return best  # It is designed for the stiffness of the contact, and would change with it.
     for name in analysed.pressed:
-        if task is None and name in context.surfaces and budget.left > 0:
+        left = search.budget is None or search.budget.left > 0
+        if search.task is None and name in analysed.context.surfaces and left:
             limit = search.stiffness(name)
             best += [limit] if limit is not None and limit.upper else []
-    return best if ringing else [_well_inside(limit) for limit in best]
+    return best
 
 
 def _well_inside(limit: Limit) -> Limit:
+    if limit.what == DELAY:
+        return limit  # A tick more is not stable: it is inside by a part of one.
     factor = 1 - _INSIDE if limit.upper else 1 / (1 - _INSIDE)
     return replace(limit, value=factor * limit.value)
 
@@ -88,17 +125,43 @@ def _sensible(context: Context, limit: Limit) -> bool:
 def text_of(context: Context, analysed: SampledStage, limit: Limit) -> str:
     """A boundary as a change of the file, in words."""
     way = "up to" if limit.upper else "from"
+    if limit.what in OF_THE_ROBOT:
+        value = limit.value if limit.what == DELAY else inside(limit.value, limit.upper)
+        return f"{limit.what} {way} {scaled(value, OF_THE_ROBOT[limit.what], 3)}"
     if not limit.on:
-        return f"a contact of {way} {show(inside(limit.value, limit.upper), 'kN/m', 3)}"
+        return _softer(context, limit)
     what = "damping" if limit.what == "joint_damping" else limit.what
     gains, first = analysed.stage.plan.gains[limit.what], limit.on[0]
     if set(limit.on) != set(together(context, analysed, limit.what, first)):
         what += " on all its axes"
         if len({(gains[on].value, turns(context, on)) for on in limit.on}) > 1:
-            factor = number(inside(limit.value / limit.now, limit.upper), 3)
-            return f"{what} {way} {factor} times what it is"
+            factor = inside(limit.value / limit.now, limit.upper)
+            if not limit.given:
+                return f"{limit.what} {way} {_each(context, gains, limit, factor)}"
+            return f"{what} {way} {number(factor, 3)} times what it is"
     value = inside(limit.value, limit.upper)
     return f"{what} {way} {gain_named(limit.what).setting(value, angular=turns(context, first))}"
+
+
+def _each(context: Context, gains: Mapping[str, Gain], limit: Limit, factor: float) -> str:
+    """The values of a designed gain on all its axes, as the file would have them."""
+    unit = gain_named(limit.what)
+    values = {on: inside(factor * gains[on].value, limit.upper) for on in limit.on}
+    texts = (f"{on}: {unit.setting(v, angular=turns(context, on))}" for on, v in values.items())
+    return f"{{{', '.join(texts)}}}"
+
+
+def _softer(context: Context, limit: Limit) -> str:
+    """A softer contact, and for an arm that takes no torques the pad that makes it so.
+
+    Of a pad and what is under it 1/k = 1/k_pad + 1/k_under.
+    """
+    softer = inside(limit.value, limit.upper)
+    text = f"a contact of up to {show(softer, 'kN/m', 3)}"
+    if context.loaded.task.robot.takes_torques or softer >= limit.now:
+        return text
+    pad = inside(softer * limit.now / (limit.now - softer), upper=True)
+    return f"{text}, as a pad of {show(pad, 'kN/m', 3)} on it makes it"
 
 
 def place_of(

@@ -37,8 +37,13 @@ def uneven_rate(task: TaskPlan) -> Iterator[Finding]:
 
 @rule("TS430", "a force sensor too slow for a force loop", phase=Phase.TASK)
 def late_sensor(task: TaskPlan) -> Iterator[Finding]:
-    """A sensor whose force the controller gets later than a designed loop is made for."""
+    """A sensor whose force the controller gets later than a designed loop is made for.
+
+    That of an arm that takes velocities is designed for whatever delay there is.
+    """
     period, declared = task.context.period, task.context.loaded.task
+    if not declared.robot.takes_torques:
+        return
     lag = SensorModel.of(declared.robot.sensor, period).lag(period)
     slowest = 1.0 / (2 * math.pi * INTEGRAL_FREQUENCY)
     uses = any(a.has_force for s in declared.stages.values() for a in s.axes.values())

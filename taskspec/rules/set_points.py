@@ -100,8 +100,8 @@ def long_ramps(stage: StagePlan) -> Iterator[Finding]:
 def presses_in_the_air(stage: StagePlan) -> Iterator[Finding]:
     """Stages that press on a surface which they do not touch as they start.
 
-    A force loop in the air goes at f_d/d towards the surface, d its damping, and at twice that once
-    its integral is full. What it covers while the set point is ramped is no matter.
+    A force loop in the air goes at f_d/d towards the surface, d its damping, and at a multiple of
+    that once its integral is full. What it covers while the set point is ramped is no matter.
     """
     for axis, gap, speed in in_the_air(stage):
         at = "" if not math.isfinite(speed) else f" at up to {show(speed, 'mm/s', 2)}"
@@ -131,9 +131,10 @@ def in_the_air(stage: StagePlan) -> Iterator[tuple[Axis, float, float]]:
             or value * along > 0
         ):
             continue
-        damping = law.loop_damping(on_axis(stage.gains, axis))
+        gains = on_axis(stage.gains, axis)
+        damping = law.loop_damping(gains)
         if gap * damping > abs(value) * force.rise / 2:
-            yield axis, gap, 2 * abs(value) / damping if damping else math.inf
+            yield axis, gap, law.unreturned(gains) * abs(value) / damping if damping else math.inf
 
 
 def _on_equations(stage: StagePlan) -> Iterator[tuple[str, float, KeyPath]]:

@@ -45,12 +45,26 @@ def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> It
             reason = f"the robot does not hold {node.path[0]!r}, so it cannot know"
             hint = _instead(context, node)
         if reason is None and entry is not None:
-            reason = entry.signal.unmeasured or None
+            reason = entry.signal.unmeasured or _of_a_drive(context, node)
+            hint = _INSTEAD_OF_A_DRIVE if reason and not entry.signal.unmeasured else hint
         if reason is not None:
             # A law is that of several stages, and one gain that of several axes.
             yield error(
                 "TS224", f"{node}: {reason}", expression.where(node), hint, unless=("TS224",)
             )
+
+
+_INSTEAD_OF_A_DRIVE = (
+    "go by what is measured, such as force.z, norm(torque) or joint.1.velocity; 'expect' may use it"
+)
+
+
+def _of_a_drive(context: Context, node: Name) -> str | None:
+    """Why a controller does not know the torque of a joint, None if it commands it."""
+    robot = context.loaded.task.robot
+    if robot.takes_torques or node.path[0] != "joint" or node.path[2] != "torque":
+        return None
+    return f"this robot takes {robot.commands}, and what its drives exert is not measured"
 
 
 def _instead(context: Context, node: Name) -> str:

@@ -8,7 +8,7 @@ from taskspec.spec.expectation import Expectation
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import AxisValues
 from taskspec.spec.key_path import FILE, KeyPath, below, key_of
-from taskspec.spec.law import JOINT_LAW, ForceGains, Law
+from taskspec.spec.law import JOINT_LAWS, ForceGains, Law, joint_law
 from taskspec.spec.limits import Limits
 from taskspec.spec.load import (
     LoadedTask,
@@ -30,7 +30,7 @@ from taskspec.spec.world import Motion, Shape
 
 __all__ = [
     "FILE",
-    "JOINT_LAW",
+    "JOINT_LAWS",
     "AxisEntry",
     "AxisValues",
     "Bushing",
@@ -65,6 +65,7 @@ __all__ = [
     "Variation",
     "Within",
     "below",
+    "joint_law",
     "key_of",
     "load_task",
     "load_text",

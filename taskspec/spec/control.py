@@ -46,14 +46,20 @@ class Control(Model):
     )
 
 
-def settle_rates(control: Control, data: Map, context: ParseContext) -> Control:
-    """The rates with that of the plant filled in; reports one that does not fit.
+def settle_rates(
+    control: Control, data: Map, context: ParseContext, served: float = math.inf
+) -> Control:
+    """The rates with those that the file leaves out filled in; reports one that does not fit.
 
     Args:
         control: as the file has it.
         data: the raw mapping, empty if the file has none.
         context: the pass.
+        served: rate of the joint servo that takes the controller's commands [Hz]; infinite where
+            none is declared.
     """
+    if "rate" not in data and SLOWEST <= served < control.rate:
+        control = control.model_copy(update={"rate": served})
     if not all(SLOWEST <= rate <= FASTEST for rate in (control.rate, control.plant_rate)):
         return control
     if "plant_rate" not in data:

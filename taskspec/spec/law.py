@@ -11,22 +11,26 @@ from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.expression import Expression
 from taskspec.geometry.axis import AXES, PAIRS, Axis, axes_of, coupled
-from taskspec.laws import DEFAULT, LAWS, ControlLaw
-from taskspec.laws.computed_torque import COMPUTED_TORQUE
+from taskspec.laws import DEFAULTS, LAWS, ControlLaw
+from taskspec.laws.computed_torque import COMPUTED_TORQUE, ComputedTorque
 from taskspec.laws.coupled import groups, with_damping
 from taskspec.laws.design import joint_damping
 from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
+from taskspec.laws.joint_velocity import JOINT_VELOCITY, JointVelocity
+from taskspec.laws.law import Solve, commanding
 from taskspec.spec.axis import AxisEntry
 from taskspec.spec.gains import AxisValues, GainField
 from taskspec.spec.model import Model, mapping, short_form
-from taskspec.spec.parse_context import ParseContext
+from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import ForJoints
+from taskspec.spec.servo import PLURALS, TORQUE, VELOCITY, command_of
 from taskspec.spec.words import Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.units import (
     ANGULAR_DAMPING,
     DAMPING,
+    FORCE,
     FREQUENCY,
     MASS,
     NUMBER,
@@ -39,13 +43,14 @@ if TYPE_CHECKING:
 
 register(
     {
+        "TS140": "a law that commands what the robot does not take",
         "TS206": "an unknown law",
         "TS207": "a gain that the law does not have",
         "TS213": "a goal in the null space under a law that leaves it alone",
     }
 )
 
-_GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio")
+_GAINS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio", "dead_band")
 NULL_SPACE_GOALS = ("posture", "joint-limits", "manipulability")
 
 Damping = Annotated[AxisValues, GainField(DAMPING, least=0, matrix=True)]
@@ -68,6 +73,12 @@ def _gain(given: float | Expression, worth: Worth) -> Gain:
     if isinstance(given, Expression):
         return Gain(worth(given), "file", given)
     return Gain(given, "file")
+
+
+def _usual_solve(given: dict[str, Any]) -> Solve:
+    """How the law of these keys becomes what joints are commanded, unless a file says it."""
+    kind = given.get("kind")
+    return LAWS[kind].solve if kind in LAWS else ControlLaw.solve
 
 
 class ForceGains(Model):
@@ -102,20 +113,26 @@ class Law(Model):
             for all joints, or one for each.
         bandwidth: of motion axes [Hz].
         damping_ratio: of motion axes.
+        dead_band: force error below which an axis is not moved [N, N*m].
         force: gains of the force loop.
         orientation: how orientation errors are measured.
         null_space: what a redundant arm does with the joints that the task leaves free; these
             goals are added up.
-        solve: how the command of the law becomes torque: by its own closed form, or by a quadratic
-            program that keeps the limits.
+        solve: how the command of the law becomes that of the joints: by its own closed form, or by
+            a quadratic program that keeps the limits; by default as the law has it.
         solver: of the quadratic program.
     """
 
     noun = "a law"
     short: ClassVar = {"enum": list(LAWS)}
+    advice: ClassVar = {
+        "M": "the apparent mass is 'mass'",
+        "D": "the damping is 'damping'",
+        "K": "the spring is 'stiffness', of a law or of an axis",
+    }
 
     kind: Annotated[str, Word(tuple(LAWS), "law", code="TS206")] = Field(
-        DEFAULT, title="Control law"
+        DEFAULTS[TORQUE], title="Control law"
     )
     mass: Annotated[AxisValues, GainField(MASS, above=0, matrix=True)] | None = Field(
         None, title="Apparent mass"
@@ -135,6 +152,9 @@ class Law(Model):
     damping_ratio: Annotated[AxisValues, GainField(NUMBER, above=0)] | None = Field(
         None, title="Damping ratio of motion axes"
     )
+    dead_band: Annotated[AxisValues, GainField(FORCE, above=0)] | None = Field(
+        None, title="Dead band of the force"
+    )
     force: ForceGains | None = Field(None, title="Gains of the force loop")
     orientation: Annotated[
         Literal["so3", "rpy", "zyz"], Word(("so3", "rpy", "zyz"), "orientation error")
@@ -142,9 +162,9 @@ class Law(Model):
     null_space: Annotated[tuple[str, ...], Words(Word(NULL_SPACE_GOALS, "null-space goal"))] = (
         Field(("posture",), title="Goals in the null space")
     )
-    solve: Annotated[
-        Literal["closed-form", "qp"], Word(("closed-form", "qp"), "torque computation")
-    ] = Field("closed-form", title="Computation of the torques")
+    solve: Annotated[Solve, Word(("closed-form", "qp"), "torque computation")] = Field(
+        default_factory=_usual_solve, title="Computation of the joints' command"
+    )
     solver: Annotated[Literal["daqp", "osqp"], Word(("daqp", "osqp"), "solver")] = Field(
         "daqp", title="Solver of the quadratic program"
     )
@@ -152,7 +172,7 @@ class Law(Model):
     @property
     def control_law(self) -> ControlLaw:
         """What is known of the law that `kind` names."""
-        return COMPUTED_TORQUE if self.kind == COMPUTED_TORQUE.kind else LAWS[self.kind]
+        return JOINT_LAWS.get(self.kind) or LAWS[self.kind]
 
     @property
     def by_entry(self) -> dict[str, dict[str, float | Expression]]:
@@ -296,11 +316,18 @@ class Law(Model):
         return joint_damping(self.joint_damping, joints)
 
     @classmethod
-    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
-        """Reads a bare name as a law with designed gains, and damping in the joints as such."""
+    def expand(cls, data: object, context: ParseContext) -> object:
+        """Reads a bare name as a law with designed gains, and damping in the joints as such.
+
+        A law without a name is the default one of what the robot takes.
+        """
         full = short_form(data, "kind")
         if not isinstance(full, Map):
             return full
+        if "kind" not in full.node.entries:
+            named = Map({"kind": Text(default_law(context)), **full})
+            named.node = full.node
+            full = named
         kind = full.get("kind")
         if isinstance(kind, str) and kind in LAWS and LAWS[kind].damps_joints:
             renamed = Map({"joint_damping" if k == "damping" else k: v for k, v in full.items()})
@@ -320,22 +347,24 @@ class Law(Model):
                 span,
                 f"the law {having} calls it 'damping'",
             )
-        if "solver" in data and data.get("solve", "closed-form") == "closed-form":
+        kind = data.get("kind")
+        if "solver" in data and data.get("solve", _usual_solve({"kind": kind})) == "closed-form":
             context.error(
                 "TS026",
                 "a solver is of the quadratic program, and this law does not solve one",
                 data.node.key_span("solver"),
                 "add 'solve: qp'",
             )
-        kind = data.get("kind", DEFAULT)
         if not isinstance(kind, str) or kind not in LAWS:
             return
+        _check_command(kind, data, context)
         if "null_space" in data and not LAWS[kind].holds_null_space:
             context.error(
                 "TS213",
                 f"the law '{kind}' leaves the null space alone",
                 data.node.key_span("null_space"),
-                f"laws that do not: {', '.join(k for k, f in LAWS.items() if f.holds_null_space)}",
+                "laws that do not: "
+                + ", ".join(commanding(LAWS[kind].commands, lambda law: law.holds_null_space)),
             )
         has = LAWS[kind].gain_names
         force = mapping(data.get("force"))
@@ -347,21 +376,60 @@ class Law(Model):
         for key, owner in given:
             name = f"force.{key}" if owner is force else key
             if name not in has:
-                context.error(
-                    "TS207",
-                    f"the law '{kind}' has no gain '{name}'",
-                    owner.node.key_span(key),
-                    f"its gains: {', '.join(has)}",
-                )
+                hint = f"its gains: {', '.join(has)}"
+                if name == "stiffness" and LAWS[kind].soft_axes:
+                    hint += "; a spring is one of an axis: x: {stiffness: 500 N/m}"
+                message = f"the law '{kind}' has no gain '{name}'"
+                context.error("TS207", message, owner.node.key_span(key), hint)
 
 
-#: That of a stage with a path of joints; no file names it.
-JOINT_LAW = Law.model_construct(kind=COMPUTED_TORQUE.kind)
+#: Laws of a stage with a path of joints, by name; no file names them.
+JOINT_LAWS: dict[str, ComputedTorque | JointVelocity] = {
+    law.kind: law for law in (COMPUTED_TORQUE, JOINT_VELOCITY)
+}
 
 
-def law_of(data: object) -> str | None:
-    """The supported law that a raw `law` names, the default for None, else None."""
-    if data is None:
-        return DEFAULT
-    kind = data.get("kind", DEFAULT) if isinstance(data, Map) else data
+def joint_law(command: str, solve: Solve) -> Law:
+    """The law of a stage with a path of joints of an arm that is commanded so.
+
+    Args:
+        command: what the joints take.
+        solve: how the file's law becomes what they are commanded.
+    """
+    if command == "torque":
+        return Law.model_construct(kind=COMPUTED_TORQUE.kind, solve=ControlLaw.solve)
+    return Law.model_construct(kind=JOINT_VELOCITY.kind, solve=solve)
+
+
+def default_law(context: ParseContext) -> str:
+    """The law where the file names none: of those that command what the robot takes."""
+    return DEFAULTS[TORQUE if command_of(context.data) == TORQUE else VELOCITY]
+
+
+def law_of(data: object, context: ParseContext) -> str | None:
+    """The supported law that a raw `law` names, the default where it names none, else None."""
+    kind = data.get("kind") if isinstance(data, Map) else data
+    if kind is None:
+        return default_law(context)
     return str(kind) if isinstance(kind, Text | str) and kind in LAWS else None
+
+
+def _check_command(kind: str, data: Map, context: ParseContext) -> None:
+    """Reports a law that commands what the robot does not take, with the law to take instead.
+
+    That is the first with all gains that are given, of those alike its dual.
+    """
+    takes, law = command_of(context.data), LAWS[kind]
+    if (law.commands == TORQUE) == (takes == TORQUE):
+        return
+    given = {key for key in _GAINS if key in data}
+    given |= {f"force.{key}" for key in mapping(data.get("force"))}
+    others = [LAWS[law.dual], *(each for each in LAWS.values() if each.commands != law.commands)]
+    dual = next((each for each in others if given <= {*each.gain_names}), others[0]).kind
+    other = "command: torque" if takes != TORQUE else "command: velocity, or command: position"
+    context.error(
+        "TS140",
+        f"the law '{kind}' commands {PLURALS[law.commands]}, and this robot takes {PLURALS[takes]}",
+        span_of(data.get("kind")),
+        f"law: {dual}; or, for an arm that takes {PLURALS[law.commands]}, under 'robot' {other}",
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import field
@@ -308,10 +309,11 @@ def _validate(
         for detail in error.errors(include_url=False, include_context=False):
             _translate(detail, root, context)
         return None
-    control = settle_rates(task.control, mapping(data.get("control")), context)
+    declared = mapping(mapping(data.get("robot")).get("servo"))
+    served = task.robot.servo.rate if "rate" in declared else math.inf
+    control = settle_rates(task.control, mapping(data.get("control")), context, served)
     filled: dict[str, object] = {"control": control}
     if not task.robot.takes_torques and not found.has_errors:
-        declared = mapping(mapping(data.get("robot")).get("servo"))
         servo = settle_servo(task.robot.servo, control, declared, context)
         filled["robot"] = task.robot.model_copy(update={"servo": servo})
     if "name" not in data:
@@ -346,7 +348,7 @@ def _example(loc: Sequence[str | int]) -> str:
 def _translate(detail: ErrorDetails, root: nodes.Mapping, context: ParseContext) -> None:
     """Reports an error of pydantic, unless it is already reported."""
     kind, loc = detail["type"], _in_file(detail["loc"])
-    if kind == REPORTED:
+    if kind in (REPORTED, "default_factory_not_called"):  # The latter follows from another error.
         return
     if kind == "missing":
         owner, depth = nodes.find(root, loc[:-1])

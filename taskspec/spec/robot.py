@@ -13,7 +13,7 @@ from taskspec.spec.model import Model, complete, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.protection import Protection
 from taskspec.spec.quantities import Constant, Entries, ForJoints, QuantityList
-from taskspec.spec.servo import COMMANDS, TORQUE, Servo
+from taskspec.spec.servo import COMMANDS, PLURALS, TORQUE, VELOCITY, Servo
 from taskspec.spec.sizes import check_sizes
 from taskspec.spec.words import Free, NameReference, Switch, Texts, Word
 from taskspec.text.codes import register
@@ -348,6 +348,16 @@ class Robot(Model):
     def takes_torques(self) -> bool:
         """Whether its joints are commanded torques."""
         return self.command == TORQUE
+
+    @property
+    def commands(self) -> str:
+        """What its joints take, in the plural."""
+        return PLURALS[self.command]
+
+    @property
+    def laws_command(self) -> str:
+        """What laws command its joints: positions are the sums of velocities."""
+        return TORQUE if self.takes_torques else VELOCITY
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:

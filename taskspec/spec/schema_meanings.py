@@ -193,6 +193,7 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "damping": (f"Damper between reference and tool{_GAIN}", ("80 N*s/m",)),
         "bandwidth": ("How fast motion errors vanish; 5 Hz by default.", ("4 Hz",)),
         "damping_ratio": ("Of motion errors; 1, the default, does not overshoot.", ()),
+        "dead_band": ("Force error below which admittance stays; none by default.", ("2 N",)),
         "force": ("Gains of the force loop; else they are designed.", ({"integral": "12 /s"},)),
         "orientation": ("How orientation errors are measured; so3 has no singularity.", ()),
         "solve": ("closed-form: torques saturate, limits stop. qp: limits are kept.", ()),

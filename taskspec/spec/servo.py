@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -22,6 +23,7 @@ from taskspec.text.units import (
     FREQUENCY,
     NUMBER,
     TIME,
+    scaled,
     show,
 )
 
@@ -29,6 +31,14 @@ TORQUE: Literal["torque"] = "torque"
 VELOCITY, POSITION = "velocity", "position"
 COMMANDS = (TORQUE, VELOCITY, POSITION)
 """What the joints of an arm may be commanded."""
+PLURALS = MappingProxyType({TORQUE: "torques", VELOCITY: "velocities", POSITION: "positions"})
+
+
+def command_of(data: Map) -> str:
+    """What the joints are commanded by a raw task; torques where it says nothing that reads."""
+    command = mapping(data.get("robot")).get("command", TORQUE)
+    return str(command) if command in COMMANDS else TORQUE
+
 
 #: By which part a rate may be off a whole multiple.
 _ROUNDING = 1e-9
@@ -54,6 +64,11 @@ class Servo(Model):
     noun = "a servo"
     example = "servo: {bandwidth: 20 Hz, delay: 4 ms}"
     short: ClassVar = Free(filled=True).json()
+    advice: ClassVar = (
+        {"model": "a servo of that name is 'servo: NAME'; of another one give all numbers"}
+        | dict.fromkeys(("latency", "dead_time"), "what comes late is its 'delay'")
+        | dict.fromkeys(("gain", "lookahead_time"), "what they make of it is 'bandwidth', 'delay'")
+    )
 
     about: Annotated[str, Free()] | None = Field(None, title="About")
     bandwidth: Annotated[float, Constant(FREQUENCY, above=0, most=FASTEST)] = Field(
@@ -97,6 +112,14 @@ class Servo(Model):
         """The numbers that it has, by their keys [SI]."""
         values = {key: getattr(self, key) for key in NUMBERS}
         return {key: value for key, value in values.items() if value is not None}
+
+    @property
+    def written(self) -> Iterator[tuple[str, str]]:
+        """Key and text of each number; one of joints that are alike stands once."""
+        for key, values in self.numbers.items():
+            each = values if isinstance(values, tuple) else (values,)
+            shown = [scaled(float(value), self.dimension_of(key), 5) for value in each]
+            yield key, ", ".join(shown[:1] if len(set(shown)) == 1 else shown)
 
     @classmethod
     def rules(cls, data: Map, context: ParseContext) -> None:

@@ -10,7 +10,8 @@ from pydantic_core import CoreSchema, core_schema
 
 from taskspec.expression import Expression, ScopeKind
 from taskspec.geometry.axis import Axis
-from taskspec.laws import LAWS
+from taskspec.laws import DEFAULTS, LAWS
+from taskspec.laws.law import commanding
 from taskspec.modes import MODES
 from taskspec.spec import values
 from taskspec.spec.axis import FORCES, MOTIONS, SHORT, AxisEntry, ByName
@@ -21,6 +22,7 @@ from taskspec.spec.model import Model, complete, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.path import FORMS, Path
 from taskspec.spec.quantities import Constant, Formula
+from taskspec.spec.servo import TORQUE
 from taskspec.spec.set_point import SetPoint, SetPoints
 from taskspec.spec.templates import USE, WITH
 from taskspec.spec.words import ENDS, Count, NameReference, Switch, Word, Words
@@ -305,14 +307,17 @@ def _check_joints(data: Map, context: ParseContext) -> None:
     if "joints" not in mapping(data.get("path")):
         return
     for key, hint in _NOT_WITH_JOINTS.items():
-        law = law_of(data.get("law", context.data.get("law")))
+        law = law_of(data.get("law", context.data.get("law")), context)
         of_multipliers = key != "axes" and law is not None and LAWS[law].multipliers
         if key in data and not of_multipliers:
             message = f"'{key}' in a stage whose path is one of joints"
             context.error("TS026", message, data.node.key_span(key), hint)
 
 
-_HAVING = " or ".join(name for name, facts in LAWS.items() if facts.multipliers)
+_HAVING = " or ".join(commanding(TORQUE, lambda law: law.multipliers))
+#: Remedies for a motion and a force on one axis, by what laws command.
+_ONE = "one or the other; a parallel law lets force win over position"
+_ONE_AFTER_THE_OTHER = "one after the other: the motion until a force is measured, then the force"
 _NOT_WITH_JOINTS = {
     "axes": "all joints are on the path, and none is left to an axis: make two stages of it",
     "law": "it is followed by inverse dynamics in joint space: leave the law out, or take "
@@ -352,7 +357,7 @@ def _check_path_done(data: Map, context: ParseContext) -> None:
 
 def _check_modes(data: Map, context: ParseContext) -> None:
     """Report what the stage's law cannot do: motion and force, dampers of axes, set points."""
-    law = law_of(data.get("law", context.data.get("law")))
+    law = law_of(data.get("law", context.data.get("law")), context)
     if law is None:
         return
     facts, article = LAWS[law], "an" if law[0] in "aeio" else "a"
@@ -366,7 +371,7 @@ def _check_modes(data: Map, context: ParseContext) -> None:
                 "TS203",
                 f"axis '{name}' has both a {motion} and a {force} under {article} {law} law",
                 pointer(modes.node),
-                "one or the other; a parallel law lets force win over position",
+                _ONE if facts.commands == TORQUE else _ONE_AFTER_THE_OTHER,
             )
         if "damping" in modes and facts.undamped:
             context.error(
@@ -381,13 +386,14 @@ def _check_modes(data: Map, context: ParseContext) -> None:
                 "TS212",
                 f"a '{soft}' of axis '{name}' under the law {law}, which has no soft axes",
                 modes.node.key_span(soft),
-                "take the law hybrid, or leave it out",
+                f"take the law {DEFAULTS[facts.commands]}, or leave it out",
             )
     if "constraints" in data and not facts.multipliers:
-        having = " or ".join(name for name, facts in LAWS.items() if facts.multipliers)
+        having = " or ".join(commanding(facts.commands, lambda law: law.multipliers))
+        take = f"take {having}; under other laws " if having else ""
         context.error(
             "TS211",
             f"the law {law} has no multipliers, so it cannot reach set points of equations",
             data.node.key_span("constraints"),
-            f"take {having}; under other laws give the axis a force",
+            f"{take}give the axis a force",
         )

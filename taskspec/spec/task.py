@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from taskspec.laws import DEFAULTS
 from taskspec.spec.bushing import Bushing
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject
@@ -47,6 +48,12 @@ register(
 
 VERSION = 1
 _NAME = re.compile(r"[a-z][a-z0-9-]*\Z")
+
+
+def _default_law(read: Mapping[str, Any]) -> Law:
+    """The law of a task that names none, by what was read of it before."""
+    robot = read.get("robot")
+    return Law() if robot is None else Law(kind=DEFAULTS[robot.laws_command])
 
 
 class Version(FieldType):
@@ -108,7 +115,7 @@ class Task(Model):
     params: Annotated[dict[str, Quantity], Params()] = Field({}, title="Named quantities")
     frames: dict[str, Frame] = Field({}, title="Frames by name")
     frame: FrameName = Field("world", title="Task frame of all stages")
-    law: Law = Field(Law(), title="Control law of all stages")
+    law: Law = Field(default_factory=_default_law, title="Control law of all stages")
     limits: Limits = Field(Limits(), title="Limits of all stages")
     templates: Annotated[Mapping[str, object], Templates()] = Field(
         {}, title="Stages with params, by name"

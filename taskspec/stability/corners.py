@@ -23,7 +23,10 @@ from taskspec.stability.budget import Budget
 #: Up to so many components all corners are tried, beyond that one at a time.
 MOST_AT_ONCE = 6
 _OF_OBJECTS = ("stiffness", "damping", "mass", "inertia", "rpy")
-_OF_THE_ROBOT = ("robot.joint_damping", "robot.sensor.delay", "robot.sensor.filter")
+_OF_THE_ROBOT = (
+    *("robot.joint_damping", "robot.sensor.delay", "robot.sensor.filter"),
+    *(f"robot.servo.{key}" for key in ("bandwidth", "damping", "delay", "stiffness")),
+)
 
 
 @dataclass(frozen=True, slots=True)

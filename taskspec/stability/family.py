@@ -18,30 +18,28 @@ class Family:
     """A stage for every value of one gain.
 
     Torque and memory are polynomials of second degree in a gain, in 1/gain for an apparent mass:
-    three values say them all. Velocities are other functions of theirs, and are differentiated for
-    each value.
+    three values say them all. Velocities are fractions of gains, so that each value is linearised.
 
     Attributes:
         sampled: the stage as it is.
-        what, on: the gain, and whose.
-        controllers: at `_AT` times its gain; none where velocities are commanded.
-        inverse: in 1/gain.
+        what: the gain.
+        on: its axes.
+        controllers: at `_AT` times its gain; empty where each value is linearised.
     """
 
     sampled: SampledStage
     what: str
     on: tuple[str, ...]
     controllers: tuple[LinearController, ...]
-    inverse: bool
 
     @staticmethod
     def of(sampled: SampledStage, what: str, on: Sequence[str]) -> Family | None:
         """The family of a gain on some axes; None where a member has no derivative."""
         if what == "mass" and pairs_of(sampled.stage.plan.gains, what):
             return None  # The inverse of a matrix is no polynomial of one of its entries.
-        if sampled.stage.plan.law.control_law.commands == "velocity":
-            return Family(sampled, what, tuple(on), (), inverse=False)
         members: list[LinearController] = []
+        if sampled.stage.plan.law.control_law.commands != "torque":
+            return Family(sampled, what, tuple(on), ())
         for factor in _AT:
             moved = 1 / factor if what == "mass" else factor
             if moved == 1:
@@ -52,14 +50,18 @@ class Family:
             if not controller.finite or controller.slots != sampled.controller.slots:
                 return None
             members.append(controller)
-        return Family(sampled, what, tuple(on), tuple(members), what == "mass")
+        return Family(sampled, what, tuple(on), tuple(members))
 
     def at(self, factor: float) -> LinearController:
         """The controller with its gain times `factor`."""
         if not self.controllers:
-            gains = scaled(self.sampled.stage.plan.gains, self.what, self.on, factor)
+            plan = self.sampled.stage.plan
+            gains = scaled(plan.gains, self.what, self.on, factor)
+            for name, power in plan.law.control_law.following.get(self.what, {}).items():
+                designed = [a for a in self.on if gains[name][a].origin != "file"]
+                gains = scaled(gains, name, designed, factor**power)
             return self.sampled.at.under(gains).linear()
-        x = 1 / factor if self.inverse else factor
+        x = 1 / factor if self.what == "mass" else factor
         torque = np.zeros_like(self.sampled.controller.torque)
         memory = np.zeros_like(self.sampled.controller.memory)
         for i, member in enumerate(self.controllers):

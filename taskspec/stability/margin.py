@@ -19,6 +19,7 @@ from taskspec.stability.gain_paths import together
 from taskspec.stability.loop import FARTHEST, Mode, Poles, modes, poles, states
 from taskspec.stability.plant import LinearPlant
 from taskspec.stability.sampled_stage import SampledStage
+from taskspec.text.units import FREQUENCY, TIME
 
 #: A swing that grows more slowly than this [1/s] is on the boundary: in a hundred seconds it gets
 #: a tenth larger. One that grows by no more than rounding may have moved its pole is there too.
@@ -38,7 +39,7 @@ LEAST_DAMPING_RATIO, QUICK = 0.1, 20.0
 #: How far from its value a gain is looked for, either way, and in which steps.
 REACH, _STEP = 1e3, 10 ** (1 / 3)
 #: Systems with more states than this are not searched for boundaries: it would take a second.
-_MOST_SEARCHED = 100
+_MOST_SEARCHED = 130
 #: A boundary is found to this part of its value.
 _FOUND = 5e-4
 #: Gains that move the boundary, in the order in which they are proposed.
@@ -64,8 +65,8 @@ class Limit:
     """The largest or smallest value of something for which a stage is stable.
 
     Attributes:
-        what: the gain, or the object whose stiffness it is.
-        on: axes, equations or joints whose gain moves; empty for an object.
+        what: the gain, the object whose stiffness it is, or the path of a number of the robot.
+        on: axes, equations or joints whose gain moves; empty for an object and for the robot.
         value: at the boundary, on the first of them [SI].
         now: as it is there.
         upper: stable below it.
@@ -143,6 +144,7 @@ class Search:
         sampled: the stage as it is.
         task: whose world and robot are true; None for the nominal ones.
         good: what the modes are to be on the one side, and not on the other.
+        beside: the same stage as it is else, such as where friction holds its tool; to be as good.
         reach: how far from its value anything is looked for, either way.
         budget: of gains; None for all.
     """
@@ -153,6 +155,7 @@ class Search:
     good: Quality = STABLE
     reach: float = REACH
     budget: Budget | None = None
+    beside: tuple[SampledStage, ...] = ()
 
     def gains(
         self, axes: Sequence[str], *, given: bool | None = None, of: Sequence[str] = PROPOSED
@@ -204,19 +207,25 @@ class Search:
         now = self.sampled.stage.plan.gains[what][on[0]]
         if now.value <= 0:
             return None
-        task = self.sampled.context.loaded.task if self.task is None else self.task
+        task = self._true
         plant, period = self.sampled.plant(task), self.context.period
         sensor = SensorModel.of(task.robot.sensor, period)
-        if states(self.sampled.controller, plant, sensor) > _MOST_SEARCHED:
+        if not self._small(task):
             return None
         if self.budget is not None and not self.budget.take():
             return None
-        family = Family.of(self.sampled, what, on)
-        if family is None:
+        plants = [plant, *(other.plant(task) for other in self.beside)]
+        families = [Family.of(sampled, what, on) for sampled in (self.sampled, *self.beside)]
+
+        def holds(factor: float) -> bool:
+            return all(
+                family is not None and self.good.holds(family.at(factor), plant, sensor, period)
+                for family, plant in zip(families, plants, strict=True)
+            )
+
+        if None in families:
             return None
-        found = _boundary(
-            lambda factor: self.good.holds(family.at(factor), plant, sensor, period), self.reach
-        )
+        found = _boundary(holds, self.reach)
         if found is None:
             return None
         factor, upper = found
@@ -232,10 +241,10 @@ class Search:
             axis: whose gains are moved, each with those of others that are the same number.
             part: of the boundary.
         """
-        task = self.sampled.context.loaded.task if self.task is None else self.task
+        task = self._true
         plant, period = self.sampled.plant(task), self.context.period
         sensor = SensorModel.of(task.robot.sensor, period)
-        if states(self.sampled.controller, plant, sensor) > _MOST_SEARCHED:
+        if not self._small(task):
             return ""
         gains = self.sampled.stage.plan.gains
         for what in QUICK_LOOP if axis in gains.get("force.proportional", {}) else PROPOSED:
@@ -253,30 +262,109 @@ class Search:
 
     def stiffness(self, name: str) -> Limit | None:
         """The boundary of a contact's stiffness nearest to its value; None where it has none."""
-        sampled, compliance = self.sampled, self.sampled.context.compliances[name]
-        task = sampled.context.loaded.task if self.task is None else self.task
-        sensor = SensorModel.of(task.robot.sensor, self.context.period)
-        if states(sampled.controller, sampled.plant(task), sensor) > _MOST_SEARCHED:
-            return None
-
-        def holds(factor: float) -> bool:
-            plant = sampled.plant(_stiffer(task, name, factor, sampled))
-            return self.good.holds(sampled.controller, plant, sensor, self.context.period)
-
-        found = _boundary(holds, self.reach)
+        now = self.sampled.context.compliances[name].stiffness
+        found = self._world(lambda task, factor: _stiffer(task, name, factor, self.sampled))
         if found is None:
             return None
         factor, upper = found
-        now = compliance.stiffness
         return Limit(name, (), now * factor, now, upper, given=True)
+
+    def robot(self) -> Iterator[Limit]:
+        """Boundaries of what delays a loop over a servo: its bandwidth, its delay and a filter.
+
+        The gains stay as they are. A delay is one of whole ticks of the servo, a sensor without a
+        filter one that passes what there is between two samples.
+        """
+        task = self._true
+        if task.robot.takes_torques:
+            return
+        servo, corner = task.robot.servo, task.robot.sensor.filter
+        for path, now in {
+            BANDWIDTH: servo.bandwidth,
+            FILTER: corner or 0.5 / self.context.period,
+        }.items():
+            found = self._world(lambda task, factor: _with(task, path, factor * now))  # noqa: B023
+            if found is not None:
+                factor, upper = found
+                yield Limit(path, (), now * factor, now, upper, given=True)
+        most = self._longest_delay()
+        if most is not None:
+            yield Limit(DELAY, (), most / servo.rate, servo.delay, True, given=True)
+
+    def _longest_delay(self) -> int | None:
+        """The most ticks of the servo with which a stage is as it should be; None where none is."""
+        task, rate = self._true, self._true.robot.servo.rate
+        now = task.robot.servo.delay_ticks
+
+        def holds(ticks: int) -> bool:
+            return self._holds(_with(task, DELAY, ticks / rate))
+
+        sound = holds(now)
+        low, high = (now, 2 * now + 1) if sound else (0, now)
+        while sound and self._small(_with(task, DELAY, high / rate)) and holds(high):
+            low, high = high, 2 * high
+        if not (self._small(_with(task, DELAY, high / rate)) and (sound or holds(0))):
+            return None
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (middle, high) if holds(middle) else (low, middle)
+        return low
+
+    @property
+    def _true(self) -> Task:
+        """The task whose world and robot are true."""
+        return self.sampled.context.loaded.task if self.task is None else self.task
+
+    def _world(self, changed: Callable[[Task, float], Task]) -> tuple[float, bool] | None:
+        """The factor nearest to 1 from which on worlds are otherwise; whether good ones are below.
+
+        Args:
+            changed: the task with the factor in it.
+        """
+        task = self._true
+        if not self._small(task):
+            return None
+        return _boundary(lambda factor: self._holds(changed(task, factor)), self.reach)
+
+    def _small(self, task: Task) -> bool:
+        """Whether the loop in a world is small enough to be searched."""
+        sensor = SensorModel.of(task.robot.sensor, self.context.period)
+        plant = self.sampled.plant(task)
+        return states(self.sampled.controller, plant, sensor) <= _MOST_SEARCHED
+
+    def _holds(self, task: Task) -> bool:
+        """Whether the stage as it is is good in a world."""
+        period = self.context.period
+        sensor = SensorModel.of(task.robot.sensor, period)
+        return all(
+            self.good.holds(each.controller, each.plant(task), sensor, period)
+            for each in (self.sampled, *self.beside)
+        )
+
+
+#: Numbers of the robot that delay a loop, by their paths.
+BANDWIDTH, DELAY, FILTER = "robot.servo.bandwidth", "robot.servo.delay", "robot.sensor.filter"
+#: What they are measured in.
+OF_THE_ROBOT = {BANDWIDTH: FREQUENCY, DELAY: TIME, FILTER: FREQUENCY}
+
+
+def _with(task: Task, path: str, value: float) -> Task:
+    """The task with one number of the robot's servo or sensor changed."""
+    _, part, key = path.split(".")
+    changed = getattr(task.robot, part).model_copy(update={key: value})
+    return task.model_copy(update={"robot": task.robot.model_copy(update={part: changed})})
 
 
 def _stiffer(task: Task, name: str, factor: float, sampled: SampledStage) -> Task:
-    """The task with the stiffness of one object changed, and its damping left."""
+    """The task with the stiffness of one object changed, and its damping left.
+
+    Under a servo designed damping follows it, as it will once the file has that stiffness.
+    """
     compliance = sampled.context.compliances[name]
-    changed = task.world[name].model_copy(
-        update={"stiffness": compliance.stiffness * factor, "damping": compliance.damping}
-    )
+    changes: dict[str, object] = {"stiffness": compliance.stiffness * factor}
+    if task.robot.takes_torques:
+        changes["damping"] = compliance.damping
+    changed = task.world[name].model_copy(update=changes)
     return task.model_copy(update={"world": {**task.world, name: changed}})
 
 

@@ -154,11 +154,11 @@ def test_a_task_is_started_before_it_steps_and_may_be_started_again(tmp_path) ->
         library.q[:], library.v[:] = samples[tick, :7], samples[tick, 7:14]
         library.wrench[:], library.reactions[:] = samples[tick, 14:20], samples[tick, 20:22]
         library.answer(tick * 1e-3, first=first)
-        return library.torque.tolist()
+        return library.command.tolist()
 
     answers(3)
     assert library.state == NOT_STARTED
-    assert np.isfinite(library.torque).all()
+    assert np.isfinite(library.command).all()
     for _ in range(2):
         answers(0, first=True)
         assert [answers(tick) for tick in range(30)] == torques[:30].tolist()

@@ -27,6 +27,7 @@ from taskspec.expression import Expression, parse
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws import LAWS
 from taskspec.laws.gains import AxisPlant
+from taskspec.laws.servo_loop import Contact, ServoLoop
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.program.reference.constraints import FORCED, NAMED, UNNAMED, weigh
 from taskspec.program.stages import candidates
@@ -68,7 +69,8 @@ def test_page_names_its_equations(law):
     text = text_of(page(law))
     assert text.startswith(f"# `{law}`: {LAWS[law].title}\n")
     for equation in LAWS[law].equations.split(", "):
-        assert equation.replace("-", "–").lower() in text.lower(), equation
+        written = equation if "=" in equation else equation.replace("-", "–")
+        assert written.lower() in text.lower(), equation
     equation = text.partition("## Equation")[2].partition("\n## ")[0]
     assert "$$" in equation
     # Each stands there once, as a formula.
@@ -106,10 +108,11 @@ KINDS = {
     "motion": AxisEntry(hold="start"),
     "force": AxisEntry(force=Expression("", parse("1 N", "sum"), FORCE)),
 }
+SERVO = ServoLoop(w=2 * np.pi * 20.0, ratio=1.0, delay=6e-3)
 PLANTS = (
-    AxisPlant(h=3.0, held=8.0, k=20e3, period=1e-3),
-    AxisPlant(h=0.4, held=0.7, k=1e3, period=1e-3),
-    AxisPlant(h=1.5, held=2.0, k=2e5, period=4e-3),
+    AxisPlant(h=3.0, held=8.0, k=20e3, period=1e-3, servo=SERVO),
+    AxisPlant(h=0.4, held=0.7, k=1e3, period=1e-3, servo=SERVO),
+    AxisPlant(h=1.5, held=2.0, k=2e5, period=4e-3, servo=SERVO),
 )
 
 
@@ -140,6 +143,7 @@ def test_designed_gains(law, plant):
             known = {"h": plant.h, "L": plant.held, "k": plant.k, "T": plant.period}
             known |= {"M": gains.get("mass", 0.0), "K": gains.get("stiffness", 0.0)}
             known["d"] = gains.get("force.damping", gains.get("damping", 0.0))
+            known["D_0"] = SERVO.least_damping(Contact(plant.h, plant.k), lag=5e-3)
             found = gains[name]
         assert found == pytest.approx(value(formula, known), rel=1e-12), (name, kind)
 

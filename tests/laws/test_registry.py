@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from taskspec.laws import DEFAULT, LAWS, register
+from taskspec.laws import DEFAULTS, LAWS, register
 from taskspec.laws.design import springs
 from taskspec.laws.gains import DAMPING, STIFFNESS, AxisDesign, AxisPlant
 from taskspec.laws.law import ControlLaw, gain_named
@@ -31,8 +31,13 @@ class Push(ControlLaw):
 
 
 def test_laws_are_listed_by_their_names():
-    assert DEFAULT in LAWS
+    assert {LAWS[kind].commands: kind for kind in DEFAULTS.values()} == DEFAULTS
     assert all(law.kind == name for name, law in LAWS.items())
+
+
+def test_a_law_has_a_dual_for_arms_that_take_what_it_does_not_command():
+    assert len(LAWS) > 10
+    assert {name for name, law in LAWS.items() if LAWS[law.dual].commands == law.commands} == set()
 
 
 @pytest.mark.usefixtures("_unlisted")

@@ -47,6 +47,13 @@ def test_it_grows_with_stiffness_and_delay_and_shrinks_with_damping():
     assert LOOP.stiffness == pytest.approx(20e3, rel=1e-3)
 
 
-@pytest.mark.parametrize("k", [0.0, math.inf])
-def test_where_nothing_gives_way_there_is_no_boundary(k):
-    assert not replace(LOOP, contact=Contact(k)).known
+def test_where_nothing_returns_a_force_there_is_no_boundary():
+    assert not replace(LOOP, contact=Contact(0.0)).known
+
+
+def test_an_exact_contact_is_the_limit_of_stiff_ones():
+    """Then the drives are all that gives way."""
+    light = LOOP.timing.along(3.0, Contact(math.inf))
+    stiff = LOOP.timing.along(3.0, Contact(1e7, d=2e4))
+    assert light.least_damping()[0] == pytest.approx(stiff.least_damping()[0], rel=0.01)
+    assert light.stiffness == pytest.approx(3.0 * W**2)

@@ -22,7 +22,7 @@ from taskspec.spec import load_task, load_text
 from taskspec_runner.errors import LinkError
 from taskspec_runner.link.address import Endpoint
 from taskspec_runner.link.on_robot import LostPolicy, OnRobot
-from taskspec_runner.link.robot import RobotFacts, RobotLimits, Sample, TorqueRobot
+from taskspec_runner.link.robot import CommandedRobot, RobotFacts, RobotLimits, Sample
 from taskspec_runner.link.server import PlantServer, Served, ServerOptions, welcome
 from taskspec_runner.link.simulated import SimulatedRobot
 from taskspec_runner.link.udp_robot import UdpRobot
@@ -61,6 +61,15 @@ SENSED = TOUCH.replace(
     "  sensor: {noise: 0.05 N, bias: [0.3 N, 0, 0, 0, 0, 0], filter: 200 Hz, delay: 2 ms}\n"
     "  start:",
 ).replace("stages:\n", "stages:\n  tare: {axes: {}, time: 50 ms, tare: true}\n")
+
+_SERVO = "servo: {bandwidth: 50 Hz, delay: 2 ms, acceleration: 20 rad/s^2}"
+#: The same of an arm that takes velocities, and of one that takes positions.
+VELOCITIES, POSITIONS = (
+    TOUCH.replace("  start:", f"  command: {command}\n  {_SERVO}\n  start:").replace(
+        "stages:\n", f"law: {law}\nstages:\n"
+    )
+    for command, law in (("velocity", "admittance"), ("position", "force-velocity"))
+)
 
 #: A constraint on joints, whose reactions are measured beside the wrench.
 RAIL = """\
@@ -143,7 +152,7 @@ class Serving:
         return self._run
 
 
-def drive(task: str, robot: TorqueRobot, out: Path, policy: LostPolicy | None = None) -> Run:
+def drive(task: str, robot: CommandedRobot, out: Path, policy: LostPolicy | None = None) -> Run:
     """Runs a task on a robot."""
     link = OnRobot(robot, policy or LostPolicy(), "test")
     link.check(program_of(task))
@@ -198,7 +207,9 @@ class ClockedRobot:
         self._robot = SimulatedRobot(program)
         facts = self._robot.facts
         self.facts: RobotFacts = RobotFacts(
-            facts.name, facts.joints, facts.period, facts.wrench, facts.reactions, lock_step=False
+            *(facts.name, facts.joints, facts.period, facts.wrench, facts.reactions),
+            lock_step=False,
+            command=facts.command,
         )
         self.limits: RobotLimits = self._robot.limits
         self._lost, self._twice, self._swapped = set(lost), set(twice), set(swapped)

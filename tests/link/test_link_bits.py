@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 from meeting import (
+    POSITIONS,
     RAIL,
     SENSED,
     TOUCH,
+    VELOCITIES,
     Proxy,
     Serving,
     drive,
@@ -24,9 +26,10 @@ from taskspec_runner.session import execute_program
 
 PROGRAM = TOUCH.replace("stages:\n", "law: {kind: hybrid, solve: qp}\nstages:\n")
 EXACT = RAIL.replace("stiffness: 2 kN*m/rad, damping: 5 N*m*s/rad", "stiffness: exact")
-#: A perfect and a real sensor; a program of limits; a screw that is held; equations.
+#: A perfect and a real sensor; a program of limits; a screw that is held; equations; servos.
 TASKS = {
-    "touch": TOUCH, "sensed": SENSED, "qp": PROGRAM, "screw": "screw", "rail": RAIL, "exact": EXACT
+    "touch": TOUCH, "sensed": SENSED, "qp": PROGRAM, "screw": "screw", "rail": RAIL, "exact": EXACT,
+    "velocities": VELOCITIES, "positions": POSITIONS,
 }  # fmt: skip
 
 
@@ -46,7 +49,7 @@ def test_log_of_a_served_plant_has_the_same_bytes(name: str, tmp_path: Path) -> 
     assert "link.lost" not in driven.history.columns
 
 
-@pytest.mark.parametrize("name", ["touch", "sensed"])
+@pytest.mark.parametrize("name", ["touch", "sensed", "velocities", "positions"])
 def test_simulated_robot_gives_the_same_bits(name: str, tmp_path: Path) -> None:
     program = program_of(TASKS[name])
     plain = execute_program(program, tmp_path / "plain", report=False)

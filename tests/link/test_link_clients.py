@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import shutil
 import socket
 import subprocess
@@ -30,6 +31,18 @@ WIPE = shipped("wipe-table").read_text("utf-8").replace("time: 8 s", "time: 2 s"
 WIPE = WIPE.replace("for 93 %", "for 75 %")
 
 
+def wiping(command: str) -> str:
+    """The same, shorter, with an arm that is commanded something else."""
+    if command == "torque":
+        return WIPE
+    yielding = WIPE.replace("time: 2 s", "time: 1 s").replace("for 75 %", "for 50 %")
+    yielding = yielding.replace("model: panda", f"model: panda\n  command: {command}")
+    yielding = re.sub("kind: hybrid\n  force: .*\n", "kind: admittance\n", yielding)
+    assert f"command: {command}" in yielding
+    assert "kind: admittance" in yielding
+    return yielding
+
+
 def compiled(folder: Path) -> list[str]:
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
@@ -40,13 +53,19 @@ def compiled(folder: Path) -> list[str]:
     return [str(made)]
 
 
-@pytest.mark.parametrize("language", ["python", "c"])
-def test_client_of_the_examples_passes_the_task(language: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("language", "command"),
+    [("python", "torque"), ("c", "torque"), ("python", "velocity"), ("c", "position")],
+)
+def test_client_of_the_examples_passes_the_task(
+    language: str, command: str, tmp_path: Path
+) -> None:
     client = [sys.executable, str(EXAMPLES / "client.py")]
     if language == "c":
         client = compiled(tmp_path)
     # The text of a shipped task, which has no file beside it.
-    with Serving(WIPE, tmp_path / "run", ServerOptions(wait=60.0, answer=30.0)) as serving:
+    options = ServerOptions(wait=60.0, answer=30.0)
+    with Serving(wiping(command), tmp_path / "run", options) as serving:
         done = subprocess.run(
             [*client, str(serving.port)], capture_output=True, text=True, timeout=120, check=True
         )

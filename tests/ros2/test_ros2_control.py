@@ -16,7 +16,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from controller_samples import TASKS, program, recorded
+from controller_samples import SERVOS, TASKS, program, recorded
 from taskspec.geometry.rotation import from_rpy
 from taskspec_runner.cli.app import app
 from taskspec_runner.ros2_control.package import RosPackage, package_of
@@ -305,6 +305,44 @@ def test_the_example_in_mujoco_is_the_task(built, drive, tmp_path) -> None:
     # A push against the tool is along -z of the tip: 15 N of contact, less the weight.
     pressed = weight - np.array(forces[4000:8000])
     assert np.median(pressed) == pytest.approx(15.0, abs=0.3)
+
+
+@pytest.mark.parametrize("command", SERVOS)
+def test_commands_of_a_servo_are_those_of_the_run_to_the_bit(command, driven) -> None:
+    """The interfaces are those of what is commanded; what is left at the end leaves it there."""
+    commands_of = {"velocity": "velocities", "position": "positions"}
+    _, commands, ended = recorded(command)
+    found, said, code = driven(command, records(command), "sensor=s:wrist")
+    assert (code, ended) == (0, "end"), said
+    assert found[:-1, 1:].tobytes() == commands.tobytes()
+    names = re.findall(r"interface: (\S+)", said)
+    assert names[:2] == [f"joint1/{command}", f"joint2/{command}"]
+    assert names[2:6] == [f"joint{i}/{k}" for k in ("position", "velocity") for i in (1, 2)]
+    left = np.zeros(2) if command == "velocity" else commands[-1]
+    assert (found[-1, 1:] == left).all()
+    assert np.abs(commands[-1]).max() > 0
+    files = package(command).files
+    text = (files["README.md"] + files["config/controllers.yaml"]).decode()
+    assert "gravity_compensated" not in text
+    assert f"writes its {commands_of[command]} to {command} interfaces" in text
+
+
+@pytest.mark.parametrize("command", SERVOS)
+def test_the_example_of_a_servo_follows_commands(command, tmp_path) -> None:
+    made, robot = package(command), program(command).context.robot
+    made.write(tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "mujoco" / "scene.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("start").id)
+    begin, rate = data.qpos.copy(), np.array([0.2, -0.1])
+    for _ in range(round(0.5 / model.opt.timestep)):
+        data.ctrl[:] = rate if command == "velocity" else begin + 0.5 * rate
+        mujoco.mj_step(model, data)
+    assert data.qpos == pytest.approx(begin + 0.5 * rate, abs=0.01)
+    assert model.actuator_forcerange[:, 1] == pytest.approx(robot.torque_limit)
+    urdf = ElementTree.parse(tmp_path / f"urdf/touch_{command}.urdf.xacro").getroot()
+    given = {each.get("name") for each in urdf.findall("ros2_control/joint/command_interface")}
+    assert given == {command}
 
 
 @pytest.mark.parametrize("name", ["wipe-table", "unknown-normal", "linkage-in-joints", "ring"])

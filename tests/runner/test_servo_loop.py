@@ -46,6 +46,23 @@ TASKS = {
         'world: {rim: {equation: "x^2 + y^2 = (90 mm)^2", frame: rail, stiffness: exact}}\n'
         f"{SOFT}stages: {{up: {{axes: {{z: {{move: 5 mm}}}}, time: 0.2 s}}}}\n"
     ),
+    "positions at their limits, an equation, two stages": (
+        "robot: {model: panda, start: {xyz: [540 mm, 0, 350 mm]}, command: position, servo: "
+        "{acceleration: 10 rad/s^2}}\n"
+        "frames: {rail: {xyz: [450 mm, 0, 350 mm]}}\n"
+        'world: {rim: {equation: "x^2 + y^2 = (90 mm)^2", frame: rail, stiffness: 20 kN/m}}\n'
+        "law: hybrid-velocity\nlimits: {speed: 80 mm/s}\n"
+        "stages: {round: {axes: {y: {velocity: 0.2 m/s}}, constraints: {rim: {force: 5 N}}, "
+        "time: 0.4 s}, fold: {path: {joints: [0.3 rad, -0.5 rad, 0, -2 rad, 0, 1.8 rad, 0.8 rad], "
+        "speed: 3 rad/s}, law: hybrid-velocity, time: 0.3 s}}\n"
+    ),
+    "an admittance whose contact is at its limit": (
+        "robot: {model: panda, start: {xyz: [500 mm, 0, 322 mm]}, command: velocity, servo: panda, "
+        "tool: {shape: sphere, length: 100 mm}}\n"
+        "world: {floor: {shape: plane, xyz: [0, 0, 320 mm], stiffness: 20 kN/m, friction: 0.3}}\n"
+        "law: {kind: admittance, solve: qp}\nlimits: {force: 12 N}\n"
+        "stages: {press: {axes: {x: {force: 10 N}, z: {force: -30 N}}, time: 0.4 s}}\n"
+    ),
 }
 
 

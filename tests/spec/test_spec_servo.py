@@ -81,7 +81,9 @@ def test_a_servo_of_torques_is_refused():
 
 
 def test_a_servo_slower_than_its_commands_is_refused():
-    ((code, message, hint),) = errors("command: velocity, servo: {rate: 500 Hz}")
+    ((code, message, hint),) = errors(
+        "command: velocity, servo: {rate: 500 Hz}", "control: {rate: 1 kHz}"
+    )
     assert code == "TS118"
     assert "the controller gives them at 1000 Hz" in message
     assert hint == "control: {rate: 500 Hz}"
@@ -176,3 +178,18 @@ def test_explain_has_a_row_for_each_number_with_its_source():
     assert rows["servo: delay"] == "6 ms (from: measured in May)"
     assert rows["servo: bandwidth"] == "20 Hz (from: an assumption)"
     assert list(servo_rows(load_text(text("base: {}"), "servo.yaml").task.robot)) == []
+
+
+def test_the_controller_is_by_default_as_slow_as_a_declared_servo():
+    def rates(robot: str, rest: str = "") -> tuple[float, float, float]:
+        task = load_text(text(robot, rest, "ur5e"), "servo.yaml").task
+        return task.control.rate, task.robot.servo.rate, task.control.plant_rate
+
+    assert rates("command: velocity, servo: ur5e-speedj") == (500, 500, 1000)
+    assert rates("command: velocity, servo: {rate: 2 kHz}", "control: {plant_rate: 2 kHz}") == (
+        *(1000, 2000, 2000),
+    )
+    assert rates("command: velocity, servo: ur5e-speedj", "control: {rate: 250 Hz}") == (
+        *(250, 500, 1000),
+    )
+    assert rates("command: velocity") == (1000, 1000, 1000)

@@ -11,7 +11,17 @@ import numpy as np
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import exits
 from taskspec.program.program import Program
-from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
+from taskspec.spec import Robot
+from taskspec.spec.servo import PLURALS
+from taskspec.text.units import (
+    ANGULAR_ACCELERATION,
+    FORCE,
+    LENGTH,
+    LINEAR_ACCELERATION,
+    VELOCITY,
+    si_unit,
+)
+from taskspec_runner.controller_c.commanded import Commanded
 
 _WIDTH = 96
 
@@ -23,28 +33,28 @@ def header_facts(program: Program, machine: Machine) -> dict[str, str]:
     length = task.robot.tool.length
     away = "" if length is None else f", {length:g} m from it along its z"
     flange = f", flange {robot.flange!r}" if robot.flange else ""
+    commanded = Commanded.of(program)
     return {
         "ROBOT": _comment(
             [
                 f"Robot: {robot.name}{flange}. The tip is the tool's extreme point on its axis"
-                f"{away}; z of its frame points out of the tool."
+                f"{away}; z of its frame points out of the tool.",
+                *_servo(task.robot),
             ]
         ),
         "JOINT_TABLE": _comment(_joints(program, machine), wrap=False),
-        "TORQUES": _comment([_torques(machine)]),
+        "KEPT": _comment([_kept(machine)]),
+        "AT_END": _comment([f"From its end on, whatever it is, {commanded.at_end}"]),
+        "AT_START": _comment([commanded.at_start], indent=4).strip(),
         "STAGE_TABLE": _comment(_stages(machine), wrap=False),
         "LIMITS": _comment(_limits(machine), wrap=False),
         "WRENCH": _comment(wrench_lines(program, machine), indent=4),
         "REACTION_NAMES": _comment(_reactions(program), indent=4),
-        "GRAVITY": gravity_words(program),
+        "COMMAND": commanded.name,
+        "COMMANDS": commanded.plural,
+        "QUANTITY": str(commanded.number),
+        "MEANS": commanded.means,
     }
-
-
-def gravity_words(program: Program) -> str:
-    """What the torques hold of the arm's weight."""
-    if program.context.loaded.task.robot.balanced:
-        return "nothing for the weight, which a counterweight carries (robot.balanced)"
-    return "gravity included"
 
 
 def _comment(lines: Iterable[str], *, indent: int = 1, wrap: bool = True) -> str:
@@ -59,24 +69,37 @@ def _comment(lines: Iterable[str], *, indent: int = 1, wrap: bool = True) -> str
     return "\n".join(found)
 
 
+def _servo(robot: Robot) -> list[str]:
+    """The servo that the task is made for; nothing where torques are commanded."""
+    if robot.takes_torques:
+        return []
+    numbers = ", ".join(f"{key} {text}" for key, text in robot.servo.written)
+    return [f"It takes joint {PLURALS[robot.command]}, by a servo as the file has it: {numbers}."]
+
+
 def _joints(program: Program, machine: Machine) -> list[str]:
     """The table of the joints."""
     context = program.context
-    robot = context.robot
+    robot, drives = context.robot, context.drives
+    commanded = Commanded.of(program)
     rates = np.min([runner.stage.plan.torque_rates for runner in machine.runners], axis=0)
-    rows: list[tuple[str, ...]] = [
-        ("", "name", "q", "v", "torque", "start", "range", "torque limit", "rate limit")
-    ]
+    # Positions are limited by how fast they change.
+    limited, dimension, rate = "velocity", VELOCITY, "acceleration"
+    if drives.torques:
+        limited, dimension, rate = "torque", FORCE, "rate limit"
+    head = ("", "name", "q", "v", commanded.name, "start", "range", f"{limited} limit")
+    rows: list[tuple[str, ...]] = [(*head, rate)]
     for i, name in enumerate(robot.joint_names):
         hinge = robot.hinges[i]
-        units = [si_unit(d.on(rotation=hinge)) for d in (LENGTH, VELOCITY, FORCE)]
+        own = (LENGTH, VELOCITY, commanded.dimension, dimension)
+        *units, unit = [si_unit(d.on(rotation=hinge)) for d in own]
         low, high = robot.lower[i], robot.upper[i]
         rows.append(
             (
                 *(f"{i}", name, *units, f"{round(context.start[i], 5) + 0.0:g}"),
                 f"{low:g} .. {high:g}" if np.isfinite([low, high]).any() else "none",
-                _limit(robot.torque_limit[i], units[2]),
-                _limit(rates[i], f"{units[2]}/s"),
+                _limit(drives.most[i], unit),
+                _limit(rates[i], f"{unit}/s" if drives.torques else _accelerated(hinge)),
             )
         )
     if not np.isfinite(rates).any():
@@ -85,16 +108,28 @@ def _joints(program: Program, machine: Machine) -> list[str]:
     return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
+def _accelerated(hinge: bool) -> str:
+    return si_unit(ANGULAR_ACCELERATION if hinge else LINEAR_ACCELERATION)
+
+
 def _limit(value: float, unit: str) -> str:
     return f"{value:g} {unit}" if math.isfinite(value) else "none"
 
 
-def _torques(machine: Machine) -> str:
-    """How far torques are kept within the limits of the table, and their rates."""
-    said = "They are within the torque limits of the table at all times."
+def _kept(machine: Machine) -> str:
+    """How far commands are kept within the limits of the table, and their rates."""
+    drives = machine.drives
+    if drives.torques:
+        said = "They are within the torque limits of the table at all times."
+    elif drives.positions:
+        said = "They change no faster than by the velocity limits of the table."
+    else:
+        said = "They are within the velocity limits of the table at all times."
     stages = [(runner.stage.name, runner.solver is not None) for runner in machine.runners]
     if not any(np.isfinite(runner.stage.plan.torque_rates).any() for runner in machine.runners):
         return said
+    if not any(solves for _, solves in stages) and not drives.torques:
+        return f"{said} The accelerations are the servo's, and those of the end."
     others = ", ".join(name for name, solves in stages if not solves)
     but = f", but not in {others}: what keeps them is 'solve: qp'" if others else ""
     return f"{said} So are their rates{but}."

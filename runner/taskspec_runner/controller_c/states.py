@@ -11,7 +11,7 @@ STATES = (
     ("ATTEMPTS", "a stage has been entered as often as it may be"),
     ("UNKNOWN", "a stage cannot begin: its frame has not been estimated"),
     ("UNANSWERED", "the program that keeps the limits has had no answer for too long"),
-    ("DIVERGED", "state or torque is no longer finite"),
+    ("DIVERGED", "state or command is no longer finite"),
     ("BAD_SAMPLE", "a number of a sample is not finite"),
     ("BAD_STAMP", "a stamp of the robot's clock stands still, runs back, or is no time of a run"),
     ("LOST", "too many samples in a row have been lost: does the host step at the task's rate?"),

@@ -10,7 +10,7 @@ import numpy as np
 
 from taskspec.missing import library
 from taskspec.program.program import Program
-from taskspec_runner.controller_c.fmu import FMI_VERSIONS, fmu_of
+from taskspec_runner.controller_c.fmu import FMI_VERSIONS, fmu_of, output_group
 from taskspec_runner.errors import InputError
 from taskspec_runner.link.library import InLibrary
 
@@ -22,7 +22,7 @@ class ControllerFmu:
         q, v: (n,) positions [rad, m] and velocities [rad/s, m/s] of the sample.
         wrench: (6,) of the sample [N, N m], as the FMU's variables say.
         reactions: (m,) of the sample [N, N m].
-        torque: (n,) of the last answer [N m, N].
+        command: (n,) of the last answer, what the joints are commanded.
         state: of the last answer, 0 while the task goes on.
     """
 
@@ -52,7 +52,8 @@ class ControllerFmu:
         references = {v.name: v.valueReference for v in about.modelVariables}
         groups = ("position.", "velocity.", "wrench.", "reaction.")
         self._inputs = [references[name] for name in references if name.startswith(groups)]
-        self._torques = [references[name] for name in references if name.startswith("torque.")]
+        commanded = output_group(program.context.drives.commands)
+        self._commands = [references[name] for name in references if name.startswith(commanded)]
         self._state = [references["state"]]
         slave = library(f"fmpy.fmi{version}", "--on fmu:PATH")
         # What is loaded needs its file no more; where it does, the folder stays.
@@ -76,8 +77,8 @@ class ControllerFmu:
         self._get = self._fmu.getReal if real else self._fmu.getFloat64
         self._get_state = self._fmu.getInteger if real else self._fmu.getInt64
         self._period = program.context.period
-        joints = len(self._torques)
-        self._sample, self.torque = np.zeros(len(self._inputs)), np.zeros(joints)
+        joints = len(self._commands)
+        self._sample, self.command = np.zeros(len(self._inputs)), np.zeros(joints)
         ends = np.cumsum([joints, joints, 6])
         self.q, self.v, self.wrench, self.reactions = np.split(self._sample, ends)
         self.state = 0
@@ -93,7 +94,7 @@ class ControllerFmu:
             self._fmu.exitInitializationMode()
         else:
             self._fmu.doStep(stamp, self._period)
-        self.torque[:] = self._get(self._torques)
+        self.command[:] = self._get(self._commands)
         self.state = int(self._get_state(self._state)[0])
 
 

@@ -7,15 +7,15 @@ from importlib.metadata import entry_points
 
 from taskspec.text.suggest import suggestion
 from taskspec_runner.errors import InputError, LinkError
-from taskspec_runner.link.robot import TorqueRobot
+from taskspec_runner.link.robot import CommandedRobot
 from taskspec_runner.link.udp_robot import UdpRobot
 
-#: Entry points: scheme to a function of the whole address that gives a `TorqueRobot`.
+#: Entry points: scheme to a function of the whole address that gives a `CommandedRobot`.
 GROUP = "taskspec.robots"
 _UDP = "udp"
 
 
-def open_robot(url: str, say: Callable[[str], None] | None = None) -> TorqueRobot:
+def open_robot(url: str, say: Callable[[str], None] | None = None) -> CommandedRobot:
     """The robot of an address, connected.
 
     Args:
@@ -36,7 +36,7 @@ def open_robot(url: str, say: Callable[[str], None] | None = None) -> TorqueRobo
             f"group {GROUP!r}"
         )
     try:
-        robot: TorqueRobot = known[scheme].load()(url)
+        robot: CommandedRobot = known[scheme].load()(url)
     except (InputError, KeyboardInterrupt):
         raise
     except LinkError as error:

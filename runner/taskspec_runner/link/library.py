@@ -25,14 +25,14 @@ class ExportedController(Protocol):
 
     Attributes:
         q, v, wrench, reactions: of the sample that it is to answer.
-        torque: (n,) of the last answer [N m, N].
+        command: (n,) of the last answer, what the joints are commanded.
     """
 
     q: Vector
     v: Vector
     wrench: Vector
     reactions: Vector
-    torque: Vector
+    command: Vector
 
     @property
     def state(self) -> int:
@@ -49,7 +49,7 @@ class ControllerLibrary:
         memory: (bytes,) of the instance.
         sample: the numbers of the input, in their order in the header.
         q, v, wrench, reactions: of the sample.
-        torque: (n,) of the last answer [N m, N].
+        command: (n,) of the last answer, what the joints are commanded.
         state: of the last answer, 0 while the task goes on.
         stage: of the last answer.
     """
@@ -111,7 +111,7 @@ class ControllerLibrary:
         ends = np.cumsum([joints, joints, 6, reactions])
         self.q, self.v, self.wrench, self.reactions, _ = np.split(self.sample, ends)
         self._answer = np.zeros(8 * joints + 16, dtype=np.uint8)
-        self.torque = self._answer[: 8 * joints].view(np.float64)
+        self.command = self._answer[: 8 * joints].view(np.float64)
         self._given = self._instance, self.sample.ctypes.data, self._answer.ctypes.data
         self._ends = self._answer[8 * joints :].view(np.int32)
 
@@ -133,7 +133,7 @@ class ControllerLibrary:
 
 
 class LibraryPlant:
-    """The plant of the loop whose torques an exported controller commands.
+    """The plant of the loop whose joints an exported controller commands.
 
     Attributes:
         arm: itself, whose divergence the loop checks.
@@ -163,8 +163,8 @@ class LibraryPlant:
             self._started = True
             library.answer(0.0, first=True)
 
-    def step(self, torque: Vector) -> None:
-        """Holds the controller's torques for one control period.
+    def step(self, command: Vector) -> None:
+        """Holds the controller's commands for one control period.
 
         Raises:
             LinkError: it has ended the task, which the file's own machine has not.
@@ -176,8 +176,8 @@ class LibraryPlant:
             )
             error.ticks = self._ticks
             raise error
-        torque[:] = self._library.torque
-        self._plant.step(torque)
+        command[:] = self._library.command
+        self._plant.step(command)
         self.diverged = self._plant.arm.diverged
         self._ticks += 1
 

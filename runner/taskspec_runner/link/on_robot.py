@@ -15,7 +15,7 @@ from taskspec.program.execution.machine import Machine
 from taskspec.program.program import Program
 from taskspec.program.worlds import World
 from taskspec_runner.errors import InputError, LinkError
-from taskspec_runner.link.robot import RobotFacts, Sample, TorqueRobot
+from taskspec_runner.link.robot import CommandedRobot, RobotFacts, Sample
 from taskspec_runner.loop.assembly import Assembly
 from taskspec_runner.record.bus import Bus
 
@@ -59,7 +59,7 @@ class RobotPlant:
     """A robot as the plant of the loop.
 
     A sample is the tick that its stamp says. One that comes again, or after a later one, is left
-    out. For one that did not come the robot has held its last torque; `LostPolicy` says what the
+    out. For one that did not come the robot has held its last command; `LostPolicy` says what the
     controller makes of it. A sample that comes late is a tick like any other: those that wait are
     taken one by one, each is answered, and the robot takes the newest answer.
 
@@ -69,7 +69,7 @@ class RobotPlant:
         lost, in_a_row, late, repeated, reordered, early: samples so far, by what became of them.
     """
 
-    def __init__(self, robot: TorqueRobot, program: Program, bus: Bus, machine: Machine) -> None:
+    def __init__(self, robot: CommandedRobot, program: Program, bus: Bus, machine: Machine) -> None:
         self.diverged = False
         self.lost = self.in_a_row = self.late = self.repeated = self.reordered = self.early = 0
         self.policy = LostPolicy()
@@ -188,7 +188,7 @@ class RobotPlant:
             machine.reactions[:] = sample.reactions
         self._last = sample.last
 
-    def step(self, torque: Vector) -> None:
+    def step(self, command: Vector) -> None:
         """Answers the sample; one that never came is not answered.
 
         Raises:
@@ -204,7 +204,7 @@ class RobotPlant:
             self.diverged = True
         elif not self._held:
             try:
-                self._robot.write(torque)
+                self._robot.write(command)
             except LinkError as error:
                 error.ticks = self._ticks
                 raise
@@ -236,7 +236,7 @@ class OnRobot:
     #: Its logs are of what was measured.
     measured = True
 
-    def __init__(self, robot: TorqueRobot, policy: LostPolicy, where: str) -> None:
+    def __init__(self, robot: CommandedRobot, policy: LostPolicy, where: str) -> None:
         self.robot, self.policy, self._where = robot, policy, where
         self._plant: RobotPlant | None = None
         self._finished = False

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.spec.servo import COMMANDS, PLURALS, TORQUE
 from taskspec.text.characters import escaped
 from taskspec_runner.record.folder import parse_json
 
@@ -50,7 +51,7 @@ HEAD_FIELDS = (
     ("stamp", "the plant's time of the sample [s]; 0 where there is none"),
 )
 STATE_FIELDS = (
-    ("flags", "1 start: the clock stands, the answer's torque is not applied; 2 last: no answer"),
+    ("flags", "1 start: the clock stands, the answer is not applied; 2 last: no answer"),
     ("stage", "number of the file's stage, from 0"),
     ("joints", "n"),
     ("equations", "m"),
@@ -60,7 +61,7 @@ STATE_FIELDS = (
     ("time", "in the stage [s]"),
 )
 COMMAND_FIELDS = (
-    ("flags", "0"),
+    ("quantity", "what the joints are commanded: 0 torques, 1 velocities, 2 positions"),
     ("joints", "n"),
     ("reserved", "0"),
     ("reserved", "0"),
@@ -180,25 +181,36 @@ def read_state(body: bytes) -> StateBody:
     return StateBody(flags, stage, missed, visit, time, q, v, wrench, reactions, extras)
 
 
-def command_body(torque: Vector) -> bytes:
-    """The body of a command: joint torques (n,) [N m, N]."""
-    return COMMAND_BODY.pack(0, len(torque), 0, 0) + np.asarray(torque).astype("<f8").tobytes()
+def command_body(command: Vector, quantity: str = TORQUE) -> bytes:
+    """The body of a command: torques, velocities or positions of the joints (n,)."""
+    head = COMMAND_BODY.pack(COMMANDS.index(quantity), len(command), 0, 0)
+    return head + np.asarray(command).astype("<f8").tobytes()
 
 
-def read_command(body: bytes, joints: int) -> Vector:
-    """The torques of a command for so many joints.
+class QuantityError(PacketError):
+    """A command of another quantity than the joints take."""
+
+
+def read_command(body: bytes, joints: int, quantity: str = TORQUE) -> Vector:
+    """What a command has for so many joints (n,), in the unit of its quantity.
 
     Raises:
-        PacketError: it is none, or they are not finite.
+        PacketError: it is none, or its numbers are not finite.
+        QuantityError: it is of another quantity.
     """
     if len(body) != COMMAND_BODY.size + 8 * joints or body[2] != joints:
         raise PacketError(
             f"a command for {joints} joints has {COMMAND_BODY.size + 8 * joints} bytes"
         )
-    torque = np.frombuffer(body, "<f8", offset=COMMAND_BODY.size).astype(float)
-    if not np.isfinite(torque).all():
-        raise PacketError("a torque is not a finite number")
-    return torque
+    number = COMMAND_BODY.unpack_from(body)[0]
+    if number != COMMANDS.index(quantity):
+        known = number < len(COMMANDS)
+        sent = f"joint {PLURALS[COMMANDS[number]]}" if known else f"quantity {number}"
+        raise QuantityError(f"the arm takes joint {PLURALS[quantity]}, and the command has {sent}")
+    command = np.frombuffer(body, "<f8", offset=COMMAND_BODY.size).astype(float)
+    if not np.isfinite(command).all():
+        raise PacketError(f"a {quantity} is not a finite number")
+    return command
 
 
 def json_body(content: Mapping[str, Any]) -> bytes:

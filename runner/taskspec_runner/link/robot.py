@@ -1,4 +1,4 @@
-"""A robot as a run uses it: joint state and wrench come from it, torques go to it."""
+"""A robot as a run uses it: joint state and wrench come from it, commands go to it."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.sensor_zero import sensor_zero
 from taskspec.program.program import Program
 from taskspec.robot import RobotModel
+from taskspec.spec.servo import PLURALS, TORQUE
 from taskspec_runner.errors import InputError
 
 Vector = NDArray[np.float64]
@@ -57,6 +58,7 @@ class RobotFacts:
         wrench: `contact` or `reading`.
         reactions: names of the constraints on joints whose reactions it measures.
         lock_step: whether it waits for the answer to each sample; else its clock goes on.
+        command: what its joints take: `torque`, `velocity` or `position`.
     """
 
     name: str
@@ -65,6 +67,7 @@ class RobotFacts:
     wrench: str = CONTACT
     reactions: tuple[str, ...] = ()
     lock_step: bool = False
+    command: str = TORQUE
 
     @classmethod
     def of(cls, program: Program, *, lock_step: bool) -> RobotFacts:
@@ -79,6 +82,7 @@ class RobotFacts:
             CONTACT if zero is None else READING,
             tuple(context.equations),
             lock_step,
+            context.drives.commands,
         )
 
     def check(self, robot: RobotFacts, where: str) -> None:
@@ -89,7 +93,7 @@ class RobotFacts:
             where: it is, for the message.
 
         Raises:
-            InputError: it is another one, or runs at another rate.
+            InputError: it is another one, takes other commands, or runs at another rate.
         """
         if len(robot.joints) != len(self.joints) or robot.joints != self.joints:
             raise InputError(
@@ -97,11 +101,18 @@ class RobotFacts:
                 f"for {self.name!r} with {_listed(self.joints)}; connect to that robot, or name "
                 "this one as the task's 'robot.model'"
             )
-        if abs(robot.period - self.period) > _SAME_RATE * self.period:
-            theirs, ours = 1 / robot.period, 1 / self.period
+        if robot.command != self.command:
+            theirs, ours = PLURALS[robot.command], PLURALS[self.command]
             raise InputError(
-                f"the robot at {where} runs at {theirs:.6g} Hz, the task's control at "
-                f"{ours:.6g} Hz; run it with --set control.rate={theirs:.6g}Hz"
+                f"the robot at {where} takes joint {theirs}, the task commands joint {ours}; say "
+                f"'robot: {{command: {robot.command}}}' in the task, or connect to a robot that "
+                f"takes {ours}"
+            )
+        if abs(robot.period - self.period) > _SAME_RATE * self.period:
+            rate, own = 1 / robot.period, 1 / self.period
+            raise InputError(
+                f"the robot at {where} runs at {rate:.6g} Hz, the task's control at "
+                f"{own:.6g} Hz; run it with --set control.rate={rate:.6g}Hz"
             )
         if robot.wrench != self.wrench:
             raise InputError(
@@ -145,11 +156,11 @@ class Sample:
     last: bool = False
 
 
-class TorqueRobot(Protocol):
-    """A robot that takes torques. `taskspec.robots` is the group of entry points that find one.
+class CommandedRobot(Protocol):
+    """What all robots have. `taskspec.robots` is the group of entry points that find one.
 
     Attributes:
-        facts: what it says of itself.
+        facts: what it says of itself; `facts.command` is what it takes.
         limits: what it can do.
     """
 
@@ -163,12 +174,52 @@ class TorqueRobot(Protocol):
             LinkError: there is none.
         """
 
-    def write(self, torque: Vector) -> None:
+    def write(self, command: Vector, /) -> None:
+        """Answers the last sample with what each joint is commanded (n,).
+
+        Raises:
+            LinkError: it cannot be sent.
+        """
+
+    def stop(self, reason: str) -> None:
+        """Ends: from now on the robot brings itself to rest. May be called twice."""
+
+
+class TorqueRobot(CommandedRobot, Protocol):
+    """A robot that takes torques. Without an answer it holds the last ones."""
+
+    def write(self, torque: Vector, /) -> None:
         """Answers the last sample with joint torques (n,), gravity included [N m, N].
 
         Raises:
             LinkError: they cannot be sent.
         """
 
-    def stop(self, reason: str) -> None:
-        """Ends: from now on the robot brings itself to rest. May be called twice."""
+
+class VelocityRobot(CommandedRobot, Protocol):
+    """A robot that takes velocities, which its own servo follows.
+
+    Without an answer it holds the last ones for some samples, then slows down to rest: a velocity
+    is held for ever by nobody.
+    """
+
+    def write(self, velocity: Vector, /) -> None:
+        """Answers the last sample with joint velocities (n,) [rad/s, m/s].
+
+        Raises:
+            LinkError: they cannot be sent.
+        """
+
+
+class PositionRobot(CommandedRobot, Protocol):
+    """A robot that takes positions, which its own servo follows. Without an answer it stays there.
+
+    The first command is near the first sample's position, and each later one near the one before.
+    """
+
+    def write(self, position: Vector, /) -> None:
+        """Answers the last sample with joint positions (n,) [rad, m].
+
+        Raises:
+            LinkError: they cannot be sent.
+        """

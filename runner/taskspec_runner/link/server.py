@@ -1,7 +1,7 @@
-"""The task's plant as a server: whoever answers its samples with torques drives the arm.
+"""The task's plant as a server: whoever answers its samples drives the arm.
 
 The file's own machine runs beside: it says which stage it is and what is commanded, ends stages by
-the file's guards, and stops at its limits. Its torques are not applied; those of the answers are.
+the file's guards, and stops at its limits. Its commands are not applied; those of the answers are.
 """
 
 from __future__ import annotations
@@ -19,16 +19,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec import __version__
+from taskspec.control.stopping import slowed
 from taskspec.deferred_methods import dataclass
 from taskspec.program.ports import fields
 from taskspec.program.program import Program
 from taskspec.program.worlds import World
+from taskspec.spec import Robot
+from taskspec.spec.servo import TORQUE
 from taskspec.text.characters import escaped
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
 from taskspec_runner.errors import InputError, LinkError
 from taskspec_runner.link import packets
 from taskspec_runner.link.address import Endpoint
-from taskspec_runner.link.packets import Packet, PacketError, StateBody
+from taskspec_runner.link.packets import Packet, PacketError, QuantityError, StateBody
 from taskspec_runner.link.robot import RobotFacts, RobotLimits
 from taskspec_runner.link.waiting import received
 from taskspec_runner.loop.assembly import Assembly, assemble
@@ -119,6 +122,7 @@ class PlantServer:
         self._until = 0.0
         self._say: Callable[[str], None] = _unsaid
         self._session, self._welcome = 0, b""
+        self._takes, self._joints = TORQUE, 0
 
     def close(self) -> None:
         """Gives the socket back."""
@@ -148,6 +152,7 @@ class PlantServer:
             InputError: nobody has come.
         """
         self._session = secrets.randbelow(0xFFFFFFFE) + 1
+        self._takes, self._joints = welcome["robot"]["command"], len(welcome["robot"]["joints"])
         body = packets.json_body(welcome)
         self._welcome = Packet(packets.WELCOME, self._session, 0, 0.0, body).to_bytes()
         if len(self._welcome) > packets.LONGEST:
@@ -253,11 +258,25 @@ class PlantServer:
             return False
         if packet.kind != packets.COMMAND:
             raise PacketError("a controller sends hello, command or stop")
+        try:
+            self.commanded(packet)
+        except QuantityError as error:
+            self._refuse(peer, str(error))
+            del self._candidates[peer]
+            raise
         self._peer, self.client = peer, self._candidates[peer][0]
         for other in self._candidates:
             if other != peer:
                 self._refuse(other, f"{self.client or 'another controller'} drives it")
         return True
+
+    def commanded(self, packet: Packet) -> Vector:
+        """What the joints are commanded (n,) by a packet.
+
+        Raises:
+            PacketError: it is no command for them.
+        """
+        return packets.read_command(packet.body, self._joints, self._takes)
 
     def send(self, number: int, stamp: float, state: StateBody) -> None:
         """Sends a state."""
@@ -272,7 +291,9 @@ class PlantServer:
     def _refuse(self, peer: Peer, why: str, most: int = packets.LONGEST_TEXT) -> None:
         """Tells somebody why not; in `most` bytes, which is what a sender's address is good for."""
         body = packets.stop_body(why)[:most]
-        self._send(Packet(packets.STOP, 0, 0, 0.0, body).to_bytes(), peer)
+        # Who has been welcomed takes no stop of another session.
+        session = self._session if peer in self._candidates else 0
+        self._send(Packet(packets.STOP, session, 0, 0.0, body).to_bytes(), peer)
 
     def _send(self, data: bytes, peer: Peer | None = None) -> None:
         """Sends to one, or to who drives; as long as nobody does, to all who have said hello."""
@@ -299,11 +320,12 @@ def _unsaid(_: str) -> None:
 
 
 class ServedPlant:
-    """The plant of the loop where a remote controller commands the torques.
+    """The plant of the loop where a remote controller commands the joints.
 
     In lock-step a sample is sent until it is answered. At the wall clock an answer counts that is
-    there when the period is over; without one the last torque is held. Where this process itself
-    comes too late, the plant's clock waits for it.
+    there when the period is over; without one the last command is held, a velocity only for as
+    many samples as are borne by default: then it falls to zero. Where this process itself comes too
+    late, the plant's clock waits for it.
 
     Attributes:
         arm: itself, whose divergence the loop checks.
@@ -317,7 +339,10 @@ class ServedPlant:
     ) -> None:
         self._plant, self._sensing, self._machine = parts.plant, sensing, parts.machine
         self._server, self._options, self._bus = server, options, parts.bus
-        self._most = parts.program.context.robot.torque_limit
+        drives = parts.program.context.drives
+        # A servo goes to a position as fast as its limits let it.
+        self._most = np.inf if drives.positions else drives.most
+        self._velocities = drives.commands == "velocity"
         self._period = parts.program.context.period
         self.diverged = False
         self.lost = self.in_a_row = self.late = self.repeated = self.clipped = 0
@@ -325,7 +350,8 @@ class ServedPlant:
         self._missed, self._newest, self._ticks = 0, 0, 0
         self._started = False
         self._last: StateBody | None = None
-        self._torque = np.zeros(len(self._machine.torque))
+        self._command = np.zeros(len(self._machine.torque))
+        self._step = self._period * drives.rates
         self._due, self._late_now = math.nan, 0.0
         terms, outputs = self._machine.terms, slices_of(parts)
         model = {"gravity": terms.gravity, "jacobian": terms.arrays[3]}
@@ -342,8 +368,7 @@ class ServedPlant:
         self._sensing.read()
         if not self._started:
             self._started = True
-            self._machine.update_terms()
-            self._torque[:] = self._machine.terms.gravity
+            self._command[:] = self._machine.at_rest()
             # The controller may compile its part before it answers.
             patience = max(_READY, self._options.answer)
             while True:
@@ -357,8 +382,8 @@ class ServedPlant:
                         raise
             self._due = time.monotonic()
 
-    def step(self, torque: Vector) -> None:
-        """Sends the sample, and holds the answer's torques for one control period.
+    def step(self, command: Vector) -> None:
+        """Sends the sample, and holds what it is answered with for one control period.
 
         Raises:
             LinkError: the controller is gone.
@@ -373,10 +398,10 @@ class ServedPlant:
         except LinkError as error:
             error.ticks = self._ticks
             raise
-        torque[:] = self._torque
+        command[:] = self._command
         if self._bus.linked:
             self._bus.view("link")[:] = self._late_now, self._missed
-        self._plant.step(torque)
+        self._plant.step(command)
         self.diverged = self._plant.arm.diverged
         self._ticks += 1
 
@@ -413,10 +438,10 @@ class ServedPlant:
             self._server.send(number, stamp, state)
             again = time.monotonic() + _AGAIN
             while (packet := self._server.receive(again)) is not None:
-                torque = self._answer(packet)
-                if packet.number == number and torque is not None:
-                    return torque
-                self.repeated += torque is not None
+                command = self._answer(packet)
+                if packet.number == number and command is not None:
+                    return command
+                self.repeated += command is not None
                 if time.monotonic() > until:
                     break
             if time.monotonic() > until:
@@ -425,7 +450,7 @@ class ServedPlant:
 
     def _answer(self, packet: Packet) -> Vector | None:
         try:
-            return packets.read_command(packet.body, len(self._torque))
+            return self._server.commanded(packet)
         except PacketError:
             self._server.rejected += 1
             return None
@@ -441,11 +466,11 @@ class ServedPlant:
         self._server.send(number, self._ticks * self._period, self._state(0))
         found: Vector | None = None
         while (packet := self._server.receive(self._due)) is not None:
-            torque = self._answer(packet)
-            if torque is not None and self._newest < packet.number <= number:
-                found, self._newest = torque, packet.number
+            command = self._answer(packet)
+            if command is not None and self._newest < packet.number <= number:
+                found, self._newest = command, packet.number
             else:
-                self.repeated += torque is not None
+                self.repeated += command is not None
             if time.monotonic() > self._due + self._period:
                 break
         self._late_now = max(time.monotonic() - self._due, 0.0)
@@ -456,6 +481,8 @@ class ServedPlant:
             self.late += found is not None
         if found is not None:
             self._hold(found)
+        elif self._velocities and self._missed > STOP_AFTER:
+            self._command[:] = slowed(self._command, self._step)
         if self._missed > self._options.stop_after:
             raise LinkError(
                 "answers_lost",
@@ -463,10 +490,10 @@ class ServedPlant:
                 f"{self._options.stop_after} are borne (--stop-after)",
             )
 
-    def _hold(self, torque: Vector) -> None:
-        """Takes torques (n,), within what the motors can do."""
-        np.clip(torque, -self._most, self._most, out=self._torque)
-        self.clipped += not np.array_equal(torque, self._torque)
+    def _hold(self, command: Vector) -> None:
+        """Takes what the joints are commanded (n,), within what they can do."""
+        np.clip(command, -self._most, self._most, out=self._command)
+        self.clipped += not np.array_equal(command, self._command)
 
     def farewell(self, text: str) -> None:
         """Gives the controller the sample that ended the run, and says why it did."""
@@ -518,7 +545,7 @@ class Served:
     def assemble(self, program: Program, world: World) -> Assembly[ServedPlant]:
         """Assembles the parts of the run; answers drive the plant."""
         parts = assemble(program, world, linked=not self.lock_step)
-        # Its torques are not applied: what its program cannot answer is no reason to stop.
+        # Its commands are not applied: what its program cannot answer is no reason to stop.
         parts.machine.followed = False
         plant = parts.plant
         sensing = Sensing(plant.arm, plant.views.equations, parts.machine, world.noise_seed)
@@ -546,6 +573,17 @@ class Served:
         return {**said, **policy, "rejected": self.server.rejected, **self._plant.as_data()}
 
 
+def _servo(robot: Robot, joints: int) -> dict[str, Any]:
+    """The entry of a welcome about the arm's servo; none where torques are commanded."""
+    if robot.takes_torques:
+        return {}
+    found = {
+        name: np.broadcast_to(value, joints).tolist() if isinstance(value, tuple) else value
+        for name, value in robot.servo.numbers.items()
+    }
+    return {"servo": found}
+
+
 def welcome(program: Program, options: ServerOptions) -> dict[str, Any]:
     """The welcome of a controller before it drives a plant."""
     context = program.context
@@ -563,6 +601,8 @@ def welcome(program: Program, options: ServerOptions) -> dict[str, Any]:
         "robot": {
             "name": facts.name,
             "joints": list(facts.joints),
+            "command": facts.command,
+            **_servo(context.loaded.task.robot, n),
             "units": {
                 "position": [si_unit(LENGTH.on(rotation=t)) for t in hinges],
                 "velocity": [si_unit(VELOCITY.on(rotation=t)) for t in hinges],

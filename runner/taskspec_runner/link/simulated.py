@@ -66,13 +66,13 @@ class SimulatedRobot:
         q, v, wrench = (part.copy() for part in parts)
         return Sample(q, v, wrench, stamp, measured.reactions.copy())
 
-    def write(self, torque: Vector) -> None:
-        """Holds joint torques (n,) [N m, N] for one period.
+    def write(self, command: Vector) -> None:
+        """Holds what the joints are commanded (n,), as `facts` have it, for one period.
 
         Raises:
             LinkError: the simulation has diverged.
         """
-        self._plant.step(torque)
+        self._plant.step(command)
         self._ticks += 1
         alarm = self._plant.alarm() if self._plant.arm.diverged else None
         if alarm is not None:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec import __version__
+from taskspec.spec.servo import COMMANDS, POSITION, TORQUE
 from taskspec.text.characters import escaped
 from taskspec_runner.errors import InputError, LinkError
 from taskspec_runner.link import packets
@@ -78,6 +79,7 @@ class UdpRobot:
         try:
             self.welcome = self._introduced(patience, say)
             self.facts, self.limits = _facts(self.welcome, self.where)
+            self._at_rest = np.zeros(len(self.facts.joints))
         except BaseException:
             self._socket.close()
             raise
@@ -132,7 +134,7 @@ class UdpRobot:
         """
         if self._number == 0 and not self._started:
             self._started = True
-            self._send_answer(np.zeros(len(self.facts.joints)))
+            self._send_answer(self._at_rest)
         until = time.monotonic() + self._silence
         while True:
             try:
@@ -178,20 +180,22 @@ class UdpRobot:
             return None
         if not start:
             self._started = True
+        elif self.facts.command == POSITION:
+            self._at_rest = state.q
         self._number, self._answer = packet.number, b""
         last = bool(state.flags & packets.LAST)
         return Sample(state.q, state.v, state.wrench, packet.stamp, state.reactions, last)
 
-    def write(self, torque: Vector) -> None:
-        """Answers the last sample with joint torques (n,) [N m, N].
+    def write(self, command: Vector) -> None:
+        """Answers the last sample with what the joints are commanded (n,), as `facts` have it.
 
         Raises:
-            LinkError: they cannot be sent.
+            LinkError: it cannot be sent.
         """
-        self._send_answer(torque)
+        self._send_answer(command)
 
-    def _send_answer(self, torque: Vector) -> None:
-        body = packets.command_body(torque)
+    def _send_answer(self, command: Vector) -> None:
+        body = packets.command_body(command, self.facts.command)
         packet = Packet(packets.COMMAND, self._session, self._number, 0.0, body)
         self._answer = packet.to_bytes()
         try:
@@ -199,7 +203,7 @@ class UdpRobot:
         except BlockingIOError:
             pass
         except OSError as error:
-            text = f"torques do not get through to {self.where}: {error.strerror or error}"
+            text = f"commands do not get through to {self.where}: {error.strerror or error}"
             raise LinkError("connection_lost", text) from error
 
     def stop(self, reason: str) -> None:
@@ -257,9 +261,11 @@ def _facts(said: Mapping[str, Any], where: str) -> tuple[RobotFacts, RobotLimits
             wrench,
             tuple(escaped(str(name)) for name in said["equations"]),
             mode == "lock-step",
+            str(robot.get("command", TORQUE)),
         )
         parts = [_numbers(limits[name]) for name in ("torque", "velocity", "lower", "upper")]
         good = 0 < len(joints) <= _MOST_JOINTS and period > 0 and math.isfinite(period)
+        good = good and facts.command in COMMANDS
         good = good and wrench in (CONTACT, READING) and mode in ("lock-step", "free-running")
         if not good or any(len(part) != len(joints) for part in parts):
             raise ValueError("its numbers do not fit each other")

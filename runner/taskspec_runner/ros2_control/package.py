@@ -14,12 +14,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.control.servo import drive_gains
 from taskspec.deferred_methods import dataclass
 from taskspec.native import expressions_c, kernel_c
 from taskspec.program.execution.sensor_zero import SensorZero, sensor_zero
 from taskspec.program.program import Program
 from taskspec.robot import RobotModel
 from taskspec.robot.rigid_body import rigid_body
+from taskspec.spec import Robot
+from taskspec_runner.controller_c.commanded import Commanded
 from taskspec_runner.controller_c.source import Controller, controller_of, filled
 from taskspec_runner.controller_c.states import BEARS, STATES
 from taskspec_runner.export.robot_description import robot_description
@@ -39,6 +42,10 @@ _WEIGHT_ROW = (
 _WORLD_ROW = (
     "| `wrench_in_world` | `false` | `true` where the six interfaces give the contact about the "
     "tip in world axes: `sensor_position` and `sensor_rpy` are not used |\n"
+)
+_COMPENSATED_ROW = (
+    "| `gravity_compensated` | `false` | `true` where the robot adds the torques of gravity "
+    "itself: the model's, of arm and tool, are subtracted |\n"
 )
 _WEIGHED = "The tool's weight is in it (`at: wrist`), and the task takes it off."
 _UNWEIGHED = (
@@ -134,6 +141,7 @@ def _parts(
         "JOINT_DEFAULT": ", ".join(f"`{name}`" for name in robot.joint_names),
         "REACTION_LIST": ", ".join(map(json.dumps, reactions)),
         "REACTION_NAMES": ", ".join(equations),
+        **_commanded(program),
         "WEIGHS": "true" if weighs else "false",
         "START_ROWS": "".join(
             f"| `{name}` | {float(x):.6g} |\n"
@@ -163,6 +171,47 @@ def _parts(
         "PRELUDE": kernel_c.INCLUDES + expressions_c.PRELUDE,
         "MODEL": expressions_c.expression_c(_model(robot), "model"),
     }
+
+
+def _commanded(program: Program) -> dict[str, str]:
+    """What is said of the commands."""
+    commanded, servo = Commanded.of(program), program.context.loaded.task.robot.servo
+    torques, interface = commanded.name == "torque", interface_of(commanded.name)
+    units = {
+        "torque": "N m, of a slide N",
+        "velocity": "rad/s, of a slide m/s",
+        "position": "rad, of a slide m",
+    }
+    left = {
+        "torque": "the efforts are those of gravity alone, or zero where the robot carries itself",
+        "velocity": "the velocities are zero",
+        "position": "the positions stay as they are",
+    }
+    beyond = (
+        "What a real arm has beyond it (friction, a payload, flexible joints) is not in the "
+        "torques."
+    )
+    numbers = ", ".join(f"{key} {text}" for key, text in servo.written)
+    return {
+        "COMMAND": commanded.name,
+        "COMMANDS": "efforts" if torques else commanded.plural,
+        "INTERFACE": interface,
+        "HARDWARE": interface.upper(),
+        "UNITS": units[commanded.name],
+        "LEFT": left[commanded.name],
+        "AT_END": commanded.at_end.removesuffix("."),
+        "COMPENSATED": _COMPENSATED_ROW if torques else "",
+        "BEYOND": beyond if torques else f"Its servo is that of the file, or near: {numbers}.",
+        "CARRIED": "; the controller's\n`gravity_compensated` belongs to that" if torques else "",
+        "CARRIES": (
+            "    gravity_compensated: true  # the example's arm carries itself\n" if torques else ""
+        ),
+    }
+
+
+def interface_of(commanded: str) -> str:
+    """What ros2_control calls a quantity that is commanded."""
+    return "effort" if commanded == "torque" else commanded
 
 
 def _model(robot: RobotModel) -> ca.Function:
@@ -209,6 +258,8 @@ class _Example:
                 objtype=mujoco.mjtObj.mjOBJ_SITE,
                 objname=_SENSOR,
             )
+        if not task.robot.takes_torques:
+            _serve(spec, task.robot, context.start_inertia, list(robot.joint_names))
         model = spec.compile()
         positions = model.qpos0.copy()
         positions[arm.places(model).positions] = robot.coupling.joints(context.start)
@@ -218,7 +269,7 @@ class _Example:
         self.meshes: dict[str, bytes] = {}
         self._package = package
         described = robot_description(RunScene.still(model, robot.coupling), name, self._mesh_file)
-        self.urdf = _controlled(described, package, robot)
+        self.urdf = _controlled(described, package, robot, interface_of(task.robot.command))
         self.notes = _left_out(program)
 
     def _mesh_file(self, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> str:
@@ -234,7 +285,24 @@ def _stl(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bytes:
     return bytes(80) + np.uint32(len(faces)).tobytes() + triangles.tobytes()
 
 
-def _controlled(urdf: str, package: str, robot: RobotModel) -> str:
+def _serve(
+    spec: mujoco.MjSpec, robot: Robot, inertia: NDArray[np.float64], joints: Sequence[str]
+) -> None:
+    """Gives the example's joints MuJoCo's own servos, with the gains of the file's at the start."""
+    servo = robot.servo
+    stiffness = servo.stiffness and np.broadcast_to(np.array(servo.stiffness), len(inertia))
+    K, D = drive_gains(inertia, 2 * np.pi * servo.bandwidth, servo.damping, stiffness)
+    for i, name in enumerate(joints):
+        drive, positions = spec.actuator(name), robot.command == "position"
+        drive.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        drive.gainprm[0] = K[i, i] if positions else D[i, i]
+        drive.biasprm[:3] = 0.0, -K[i, i] if positions else 0.0, -D[i, i]
+        # What limits a motor's command limits its torque.
+        drive.forcelimited, drive.forcerange = drive.ctrllimited, drive.ctrlrange
+        drive.ctrllimited = mujoco.mjtLimited.mjLIMITED_FALSE
+
+
+def _controlled(urdf: str, package: str, robot: RobotModel, interface: str) -> str:
     """A URDF with the section of ros2_control, as xacro."""
     xacro = "http://www.ros.org/wiki/xacro"
     ElementTree.register_namespace("xacro", xacro)
@@ -252,7 +320,7 @@ def _controlled(urdf: str, package: str, robot: RobotModel) -> str:
         ElementTree.SubElement(hardware, "param", name=name).text = value
     for name in robot.joint_names:
         joint = ElementTree.SubElement(made, "joint", name=name)
-        ElementTree.SubElement(joint, "command_interface", name="effort")
+        ElementTree.SubElement(joint, "command_interface", name=interface)
         for kind in ("position", "velocity", "effort"):
             ElementTree.SubElement(joint, "state_interface", name=kind)
     sensor = ElementTree.SubElement(made, "sensor", name=_SENSOR)
@@ -281,6 +349,12 @@ def _left_out(program: Program) -> list[str]:
     if context.moving_bases:
         named = ", ".join(f"`{name}`" for name in context.moving_bases)
         notes.append(f"In the scene stand still what moves by itself in the task: {named}.")
+    if not task.robot.takes_torques:
+        notes.append(
+            "The joints of the scene have MuJoCo's own servos, with the stiffness and damping that "
+            "the file's has at the start. They have no delay, no limits of acceleration and no "
+            "rate of their own."
+        )
     if task.shapes and context.robot.tool.flat:
         notes.append(
             "In the scene the tool touches with a few spheres, not with its whole surface."

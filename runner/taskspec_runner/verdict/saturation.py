@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.limits.bounds import JOINT
+from taskspec.program.limits.bounds import COMMAND, JOINT
 from taskspec.program.limits.resolution import Resolution
 from taskspec_runner.verdict.oscillation import judged
 
@@ -41,9 +41,9 @@ def velocity_share(
         v: (k,) of the joint [rad/s, m/s].
         most: its limit.
     """
-    half = judged(len(v))
+    half, commanded = judged(len(v)), resolution.velocities
     for i, row in enumerate(resolution.rows):
-        if row.kind == JOINT and row.number == joint:
+        if row.kind == (COMMAND if commanded else JOINT) and row.number == joint:
             binds = (codes[-half:].astype(np.int64) >> i) & 1 == 1
             return float(np.mean(binds & (np.abs(v[-half:]) > _MOVES * most)))
     return 0.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from taskspec.control.stopping import stopping, within
+from taskspec.control.stopping import slow, stopping, within
 from taskspec.native.kernel import Vector
 from taskspec.native.quadratic import INFEASIBLE, SOLVED, solve
 from taskspec.program.evaluation import evaluate
@@ -55,8 +55,7 @@ def _measure(c: ControllerMemory) -> None:
 def _law(c: ControllerMemory) -> bool:
     """The torque of the law, within the limits; whether there is one that may be used here."""
     out = c.new_outputs
-    if c.has_last_torque:
-        copy(c.torque, c.last_torque, c.n)
+    _remember(c)
     evaluate(c.tick)
     if not out[c.i_health] < HEALTHY:
         return False
@@ -65,6 +64,14 @@ def _law(c: ControllerMemory) -> bool:
     if c.stage_ticks == 0 and out[0] != 0.0 and limits[int(out[0]) - 1] != 0:
         return False
     return c.has_program == 0 or _resolve(c)
+
+
+def _remember(c: ControllerMemory) -> None:
+    """Has the tick know the commands of the two before, where it goes by them."""
+    if c.has_last_torque:
+        copy(c.torque, c.last_torque, c.n)
+    if c.has_earlier_torque:
+        copy(c.torque_earlier, c.earlier_torque, c.n)
 
 
 def _renew(c: ControllerMemory) -> None:
@@ -130,8 +137,11 @@ def _add_up(c: ControllerMemory) -> None:
 def start(c: ControllerMemory) -> None:
     """Begins the task at its first stage, whose memory this is, from rest at what is measured."""
     _measure(c)
+    if c.positions:
+        copy(c.q, c.rest, c.n)
     copy(c.rest, c.torque, c.n)
     copy(c.rest, c.torque_before, c.n)
+    copy(c.rest, c.torque_earlier, c.n)
     zero(c.handed, c.n_handed)
     copy(c.tip_position, c.handed[c.i_handed_p :], 3)
     copy(c.tip_rotation, c.handed[c.i_handed_R :], 9)
@@ -167,8 +177,7 @@ def open_stage(c: ControllerMemory) -> int:
 def _decided(c: ControllerMemory) -> int:
     """Makes the tick; see `control`."""
     out, fading = c.new_outputs, c.fading
-    if c.has_last_torque:
-        copy(c.torque, c.last_torque, c.n)
+    _remember(c)
     evaluate(c.tick)
     answered = c.has_program == 0 or _resolve(c)
     event = int(out[0])
@@ -178,6 +187,7 @@ def _decided(c: ControllerMemory) -> int:
     else:
         over = _fade(c)
         if over or not limit:
+            copy(c.torque, c.torque_earlier, c.n)
             copy(c.new_torque, c.torque, c.n)
             copy(out, c.outputs, c.n_outputs)
             c.stage_ticks += 1
@@ -193,12 +203,17 @@ def _decided(c: ControllerMemory) -> int:
 def _fade(c: ControllerMemory) -> bool:
     """Has the torque fade to what carries the arm; whether its time is over."""
     fading, out, wanted = c.fading, c.new_outputs, c.holding.wanted
+    before, earlier, fades = c.torque_before, c.torque_earlier, c.fade_from
     if fading[0] == 0:
-        copy(c.torque_before, c.fade_from, c.n)
+        for i in range(c.n):
+            fades[i] = before[i] - earlier[i] if c.positions else before[i]
     fading[0] += 1
     share = max(0.0, 1.0 - float(fading[0]) / float(HELD_TICKS))
     for i in range(c.n):
-        wanted[i] = c.rest[i] + share * (c.fade_from[i] - c.rest[i])
+        if c.positions:
+            wanted[i] = before[i] + share * fades[i]
+        else:
+            wanted[i] = c.rest[i] + share * (fades[i] - c.rest[i])
     copy(c.new_torque, c.holding.law, c.n)
     copy(c.torque_before, c.holding.before, c.n)
     c.holding.finite = int(math.isfinite(out[c.i_violation]))
@@ -263,9 +278,18 @@ def begin(c: ControllerMemory, after: ControllerMemory, again: int) -> None:
 
 
 def stop(c: ControllerMemory) -> None:
-    """The torque that brings the arm to rest, on what is measured."""
-    _measure(c)
+    """The command that brings the arm to rest, on what is measured."""
     copy(c.torque, c.torque_before, c.n)
+    if c.positions:
+        position, before, rate = c.torque, c.torque_before, c.rate
+        slow(rate, c.stop_step, c.n)
+        for i in range(c.n):
+            position[i] = before[i] + c.period * rate[i]
+        return
+    if c.velocities:
+        slow(c.torque, c.stop_step, c.n)
+        return
+    _measure(c)
     stopping(c.inertia, c.gravity, c.v, c.most, c.unheard, c.decay, c.new_torque, c.n)
     within(c.new_torque, c.torque_before, c.stop_step, c.most, c.torque, c.n)
 
@@ -283,8 +307,7 @@ def opened(c: ControllerMemory) -> bool:
         pose = c.entry_poses[12 * (k - c.needs[c.stage]) :]
         copy(c.estimated_poses[12 * c.needed[k] :], pose, 12)
     evaluate(c.entry)
-    if c.has_last_torque:
-        copy(c.torque, c.last_torque, c.n)
+    _remember(c)
     c.next_knot = _next_knot(c, 0.0)
     if c.choice.code != 0:
         _choose(c)
@@ -450,6 +473,7 @@ def _settled(c: ControllerMemory) -> bool:
 
 def commit(c: ControllerMemory) -> None:
     """Makes the tick one that happened."""
+    copy(c.torque, c.torque_earlier, c.n)
     copy(c.new_torque, c.torque, c.n)
     copy(c.new_outputs, c.outputs, c.n_outputs)
     copy(c.new_memory, c.memory, c.n_memory)

@@ -62,6 +62,8 @@ class ControllerMemory(Evaluations):
     carries: int  # whether its torque goes on from that of the stage before
 
     alone: int  # whether there is nobody to whom a tick could be left
+    velocities: int  # whether joints are commanded velocities
+    positions: int  # whether they are commanded positions
     n: int  # joints
     n_reactions: int  # constraint equations
     n_outputs: int  # outputs of the tick
@@ -74,6 +76,7 @@ class ControllerMemory(Evaluations):
     n_known_knots: int  # of these
     slowed: int  # whether signals slow the path
     has_last_torque: int  # whether the tick reads the torque before
+    has_earlier_torque: int  # whether it reads the one before that
     has_program: int  # whether limits may need a program
     solves: int  # whether the programs are solved here
     asks: int  # whether forces are asked of contacts
@@ -130,12 +133,14 @@ class ControllerMemory(Evaluations):
     # the tick: what holds, and what a tick makes of it
     torque: Vector
     torque_before: Vector
+    torque_earlier: Vector  # of the tick before the last one
     outputs: Vector
     memory: Vector
     new_torque: Vector
     new_outputs: Vector
     new_memory: Vector
     last_torque: Vector
+    earlier_torque: Vector
     clamped_cut: Vector
     cut: Vector
     limited: Vector
@@ -152,6 +157,7 @@ class ControllerMemory(Evaluations):
     fade_from: Vector
     most: Vector
     stop_step: Vector
+    rate: Vector  # of commanded positions, as the arm is brought to rest
 
     # a stage that is opened
     last: Vector
@@ -234,6 +240,9 @@ def _shared(machine: Machine) -> ControllerMemory:
         fading=np.zeros(1, dtype=np.int64),
         unheard=np.zeros(len(machine.q), dtype=np.int64),
         decay=decay_time(machine.period),
+        velocities=machine.drives.commands == "velocity",
+        positions=machine.drives.positions,
+        rate=np.zeros(len(machine.q)),
         **_needs(machine, stages),
     )
     record.take(
@@ -252,6 +261,7 @@ def _shared(machine: Machine) -> ControllerMemory:
         torque=machine.torque,
         outputs=machine.outputs,
         torque_before=machine.applied,
+        torque_earlier=machine.earlier,
         last=machine.last,
     )
     zero, estimates = machine.sensor, machine.estimation.estimates
@@ -325,6 +335,8 @@ def _of_stage(shared: ControllerMemory, machine: Machine, runner: StageRunner) -
     record.take(limit_events=limits)
     if runner.last_command is not None:
         record.take(has_last_torque=True, last_torque=runner.last_command)
+    if runner.earlier_command is not None:
+        record.take(has_earlier_torque=True, earlier_torque=runner.earlier_command)
     chooser = runner.chooser
     if chooser is not None:
         record.choice = Evaluation(chooser.look)

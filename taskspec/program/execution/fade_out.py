@@ -38,12 +38,27 @@ class FadeOut:
             applied: (n,) of the tick before.
             rest: (n,) what is commanded of an arm at rest.
         """
-        if self._ticks == 0:
-            self._from[:] = applied
-        self._ticks += 1
-        share = max(0.0, 1.0 - self._ticks / HELD_TICKS)
+        share = self._more(applied)
         faded: Vector = rest + share * (self._from - rest)
         return faded
+
+    def slow(self, applied: Vector, earlier: Vector) -> Vector:
+        """The position (n,) to aim at in one more tick, of an arm whose motion fades.
+
+        Args:
+            applied: (n,) of the tick before.
+            earlier: (n,) of the one before that.
+        """
+        share = self._more(applied - earlier)
+        slowed: Vector = applied + share * self._from
+        return slowed
+
+    def _more(self, fades: Vector) -> float:
+        """The share that is left after one more tick of what is to fade, (n,) in the first one."""
+        if self._ticks == 0:
+            self._from[:] = fades
+        self._ticks += 1
+        return max(0.0, 1.0 - self._ticks / HELD_TICKS)
 
 
 def unanswered(status: Status) -> Event:

@@ -82,6 +82,7 @@ class Machine:
         period: of control [s].
         runners: of the stages, in their order; `runner` is that of the current one.
         terms: the model terms.
+        drives: what the joints are commanded.
         rest: (n,) what an arm at rest is commanded: the torques that carry it, no
             velocity, or where it stands.
         now: stage time, run time [s], and how often each stage has been entered.
@@ -90,6 +91,7 @@ class Machine:
         handed: the numbers of `HANDED`, as the current stage got them.
         torque: (n,) the command [N m].
         applied: (n,) that of the tick before, while a tick is made [N m].
+        earlier: (n,) the one before that.
         last: (n,) what the stage before made of the tick on which it ended [N m].
         outputs: the numbers of `ports.fields`.
         index: number of the current stage.
@@ -119,12 +121,12 @@ class Machine:
         self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self.terms = terms(robot, self.q, self.v)
-        self._drives = stages[0].plan.context.drives
-        self.rest = self.terms.gravity if self._drives.torques else np.zeros(robot.n)
+        self.drives = stages[0].plan.context.drives
+        self.rest = self.terms.gravity if self.drives.torques else np.zeros(robot.n)
         self.now = np.zeros(2 + len(stages))
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.handed = np.zeros(hand_over.SIZE)
-        self.applied, self.last = np.zeros((2, len(self.torque)))
+        self.applied, self.earlier, self.last = np.zeros((3, len(self.torque)))
         # Memory gives and takes a number in half the time that an array does.
         self._now: Any = self.now.data
         self._outputs: Any = self.outputs.data
@@ -161,13 +163,17 @@ class Machine:
 
     def start(self) -> None:
         """Enters the first stage from rest at the measured pose."""
-        self.update_terms()
-        if self._drives.positions:
-            self.rest[:] = self.q
-        self.torque[:] = self.applied[:] = self.rest
+        self.torque[:] = self.applied[:] = self.earlier[:] = self.at_rest()
         self._rest_here()
         self._begin(0)
         self._enter(0.0)
+
+    def at_rest(self) -> Vector:
+        """(n,) what the arm is commanded to rest where it is measured; evaluates the terms."""
+        self.update_terms()
+        if self.drives.positions:
+            self.rest[:] = self.q
+        return self.rest
 
     def returned_forces(self, index: int, t: float) -> ReturnedForces | None:
         """What stage `index` requests of contacts at its time t [s], were it entered at rest here.
@@ -226,6 +232,7 @@ class Machine:
         if not fresh:
             stopped = self._hold(runner, clock)
             if stopped or not (event and self._is_limit(event)):
+                self.earlier[:] = self.applied
                 return stopped
         if event and (ticks > 1 or self._is_limit(event)):
             self._change(clock)
@@ -233,6 +240,7 @@ class Machine:
             runner.commit()
             if self.estimation.on:
                 self.estimation.collect(self.wrench)
+            self.earlier[:] = self.applied
         return event
 
     def look(self, clock: float) -> None:
@@ -272,7 +280,7 @@ class Machine:
 
     def _evaluate(self, runner: StageRunner) -> bool:
         """Evaluates a tick and keeps its limits; whether there is a torque that may be used."""
-        fresh = runner.answer(self.applied)
+        fresh = runner.answer(self.applied, self.earlier)
         if fresh:
             self._fading.reset()
         return fresh
@@ -284,7 +292,11 @@ class Machine:
         not committed: the tick did not happen. Returns the number of an event.
         """
         assert runner.solver is not None
-        runner.solver.hold(self._fading.step(self.applied, self.rest))
+        if self.drives.positions:
+            wanted = self._fading.slow(self.applied, self.earlier)
+        else:
+            wanted = self._fading.step(self.applied, self.rest)
+        runner.solver.hold(wanted)
         if self._fading.over and self.followed:
             self._end(clock, unanswered(runner.solver.status), 0.0, "")
             return 1.0
@@ -364,10 +376,12 @@ class Machine:
         noted.torque_carried = carried
         if event and self._is_limit(event):
             self._change(clock)
-        elif fresh:
+            return
+        if fresh:
             after.commit()
             if self.estimation.on:
                 self.estimation.collect(self.wrench)
+        self.earlier[:] = self.applied
 
     def _end(self, clock: float, event: events.Event, value: float, to: str) -> None:
         self.ended = to or FAIL
@@ -392,7 +406,7 @@ class Machine:
         self.now[0], self.now[1] = 0.0, clock
         if self.runner.tick.groups:
             self._group()
-        self.runner.enter(self.estimation.poses, self.applied)
+        self.runner.enter(self.estimation.poses, self.applied, self.earlier)
 
     def _group(self) -> None:
         """Groups the instructions of what each tick evaluates."""

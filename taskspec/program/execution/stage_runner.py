@@ -11,7 +11,7 @@ from taskspec.program.bound import BoundFunction
 from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.stage_solver import OwnSolver, StageSolver
 from taskspec.program.execution.tracks import Tracks
-from taskspec.program.limits.programs import LAST_COMMAND
+from taskspec.program.last_commands import EARLIER_COMMAND, LAST_COMMAND
 from taskspec.program.stages.carried_torque import RATE, STEP, carrying
 from taskspec.program.stages.conditions import resting
 from taskspec.program.stages.stage import CompiledStage
@@ -81,7 +81,10 @@ class StageRunner:
         self.leaving = BoundFunction(stage.leaving, [outputs, inputs[0][1:2]], [handed])
         slots = stage.parameters.slots
         self.carried = np.zeros(1)
-        self.last_command = parameters[slots[LAST_COMMAND]] if LAST_COMMAND in slots else None
+        self.last_command, self.earlier_command = (
+            parameters[slots[name]] if name in slots else None
+            for name in (LAST_COMMAND, EARLIER_COMMAND)
+        )
         step = *(parameters[slots[name]] for name in (STEP, RATE)), self.carried
         self.carrying = BoundFunction(
             carrying(len(torque), _fading(stage)), [last, self._closed_form], step
@@ -96,7 +99,7 @@ class StageRunner:
                 stage.resolution, slots, arguments, parameters, handed_over, torque, outputs, own
             )
 
-    def enter(self, poses: Mapping[str, Vector], applied: Vector) -> None:
+    def enter(self, poses: Mapping[str, Vector], applied: Vector, earlier: Vector) -> None:
         """Begins the stage from what is handed over.
 
         Of its set points is taken what contacts cannot return, before its first tick.
@@ -104,6 +107,7 @@ class StageRunner:
         Args:
             poses: (12,) of the estimated frames, by parameter.
             applied: (n,) command of the tick before.
+            earlier: (n,) of the one before that.
         """
         self.place(poses)
         self.entry.evaluate()
@@ -111,8 +115,7 @@ class StageRunner:
         if self.chooser is not None:
             self.chooser.first()
         before = self._torque.copy()
-        if self.last_command is not None:
-            self.last_command[:] = applied
+        self._remember(applied, earlier)
         self.tick.evaluate()
         if self.solver is not None:
             self.solver.settle()
@@ -144,20 +147,27 @@ class StageRunner:
         for limit in self._reacting & rests.keys():
             self.stage.memory.write(self.memory, resting(limit), rests[limit])
 
-    def answer(self, applied: Vector) -> bool:
-        """Evaluates a tick and keeps its limits; whether there is a torque that may be used.
+    def answer(self, applied: Vector, earlier: Vector) -> bool:
+        """Evaluates a tick and keeps its limits; whether there is a command that may be used.
 
         Args:
-            applied: (n,) torque of the tick before [N m].
+            applied: (n,) command of the tick before.
+            earlier: (n,) of the one before that.
         """
-        if self.last_command is not None:
-            self.last_command[:] = applied
+        self._remember(applied, earlier)
         if self.solver is None:
             self.tick.evaluate()
             return True
         self.solver.remember(applied)
         self.tick.evaluate()
         return self.solver.resolve()
+
+    def _remember(self, applied: Vector, earlier: Vector) -> None:
+        """Has the next tick know the commands (n,) of the two before."""
+        if self.last_command is not None:
+            self.last_command[:] = applied
+        if self.earlier_command is not None:
+            self.earlier_command[:] = earlier
 
     def carry(self) -> float:
         """Has a new stage's torque go on from that of the last one at this tick.

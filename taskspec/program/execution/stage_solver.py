@@ -139,8 +139,8 @@ class StageSolver:
         factor, requests = np.zeros(n * n), np.zeros(r * n)
         parts = (problem.flat_P, problem.flat_A, factor, requests)
         self.assemble = BoundFunction(resolution.assemble, (pieces,), parts)
-        most = np.array(resolution.torques.most, dtype=np.float64)
-        step = np.full(n, resolution.torques.step)
+        most = np.array(resolution.commands.most, dtype=np.float64)
+        step = np.array(resolution.commands.step, dtype=np.float64)
         results = (self.accepted, self.residual, self.binding, self.found_cut)
         self.accept = BoundFunction(
             resolution.accept,

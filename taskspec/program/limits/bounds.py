@@ -23,8 +23,8 @@ from taskspec.text.units import show
 Vector = NDArray[np.float64]
 
 #: Where limits collide, the one that comes first here is kept.
-TORQUE, JOINT, FORCE, SPEED = "torque", "joint", "force", "speed"
-PRECEDENCE = (TORQUE, JOINT, FORCE, SPEED)
+COMMAND, JOINT, FORCE, SPEED = "command", "joint", "force", "speed"
+PRECEDENCE = (COMMAND, JOINT, FORCE, SPEED)
 
 #: A limit that would stop the run is kept at this share, or this far inside.
 SPEED_SHARE, VELOCITY_SHARE = 0.98, 0.99
@@ -48,16 +48,16 @@ Source = tuple[str, int]
 
 
 @dataclass(frozen=True, slots=True)
-class TorqueRange:
-    """Bounds of every tick, with or without an answer of a program: torques and their rate.
+class CommandRange:
+    """Bounds of every tick, with or without an answer of a program: commands and their rate.
 
     Attributes:
-        most: (n,) greatest size of each joint's torque [N m].
-        step: the most that a torque changes in one period [N m].
+        most: (n,) greatest size of what each joint is commanded.
+        step: (n,) the most that it changes in one period.
     """
 
     most: Vector
-    step: float
+    step: Vector
 
 
 class Bounds:
@@ -94,7 +94,7 @@ def add_torques(
     for i in range(len(most)):
         if np.isfinite(most[i]) or last is not None:
             text = f"torque of joint {i + 1}"
-            found.add(TORQUE, i, text, lowest[i] - wanted[i], highest[i] - wanted[i])
+            found.add(COMMAND, i, text, lowest[i] - wanted[i], highest[i] - wanted[i])
 
 
 def add_joints(
@@ -157,8 +157,8 @@ def add_speed(
         approach(fastest - along, jerk, T) - rate,
     )
     inside = ca.norm_2(v + change) < fastest
-    sides = _sides(ahead, "z" in context.robot.axes)
-    for i, side in enumerate(sides):
+    across_it = sides(ahead, "z" in context.robot.axes)
+    for i, side in enumerate(across_it):
         rate, across = ca.dot(side, change) / T, ca.dot(side, v)
         low, high = (-aside - across) / T - rate, (aside - across) / T - rate
         found.add(
@@ -168,7 +168,7 @@ def add_speed(
             ca.if_else(inside, ca.fmin(low, 0), low),
             ca.if_else(inside, ca.fmax(high, 0), high),
         )
-    return ca.horzcat(ahead, *sides)
+    return ca.horzcat(ahead, *across_it)
 
 
 def _heading(v: ca.SX, wanted: ca.SX, aside: float) -> ca.SX:
@@ -185,7 +185,7 @@ def _heading(v: ca.SX, wanted: ca.SX, aside: float) -> ca.SX:
     return ca.if_else(ca.norm_2(found) > 0.5, found, ca.SX(ca.DM([1.0, 0.0, 0.0])))
 
 
-def _sides(ahead: ca.SX, spatial: bool) -> tuple[ca.SX, ...]:
+def sides(ahead: ca.SX, spatial: bool) -> tuple[ca.SX, ...]:
     """Unit vectors (3,) across `ahead`: the one in the plane of a planar arm, else two."""
     if not spatial:
         return (ca.vertcat(-ahead[1], ahead[0], 0),)

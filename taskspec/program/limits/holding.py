@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from taskspec.native.kernel import Record, Vector, Words
 from taskspec.native.quadratic import SOLVED, Workspace, solve, workspace
-from taskspec.program.limits.bounds import JOINT, TORQUE
+from taskspec.program.limits.bounds import COMMAND, JOINT
 from taskspec.program.limits.resolution import Resolution
 
 Array = NDArray[np.float64]
@@ -20,13 +20,13 @@ class Holding(Record):
         least: a program of n unknowns and h rows.
         n_hard: h.
         finite: 1 where the rows of this tick are numbers.
-        hard: (h,) rows of torques and of joints.
+        hard: (h,) rows of commands and of joints.
         factor: (n, n) by rows, lower, by which an answer x of a program becomes a torque.
         law: (n,) of this tick, about which the rows are [N m].
         before: (n,) of the tick before [N m].
         wanted: (n,) to come near to [N m].
         most: (n,) greatest size [N m].
-        step: the most that a torque changes in one period [N m].
+        step: (n,) the most that it changes in one period.
         near: (n,) gets the torque [N m].
     """
 
@@ -39,14 +39,14 @@ class Holding(Record):
     before: Vector
     wanted: Vector
     most: Vector
-    step: float
+    step: Vector
     near: Vector
 
 
 def holding(resolution: Resolution, factor: Array, before: Array) -> Holding:
     """What holding works in, on the (n, n) factor of a stage and its (n,) torque before."""
-    hard = [i for i, row in enumerate(resolution.rows) if row.kind in (TORQUE, JOINT)]
-    most = np.array(resolution.torques.most, dtype=np.float64)
+    hard = [i for i, row in enumerate(resolution.rows) if row.kind in (COMMAND, JOINT)]
+    most = np.array(resolution.commands.most, dtype=np.float64)
     n, least = len(most), workspace(len(most), len(hard))
     np.asarray(least.P)[:: n + 1] = 1.0
     law, wanted, near = np.zeros((3, n))
@@ -59,7 +59,7 @@ def holding(resolution: Resolution, factor: Array, before: Array) -> Holding:
         before=before,
         wanted=wanted,
         most=most,
-        step=resolution.torques.step,
+        step=np.array(resolution.commands.step, dtype=np.float64),
         near=near,
     )
 
@@ -97,8 +97,8 @@ def hold(c: Holding, limits: Workspace) -> int:
 
 def _nearest(c: Holding, torque: Vector, n: int) -> None:
     """Writes the torque within the range of this tick that is nearest to another one."""
-    before, most, near = c.before, c.most, c.near
+    before, step, most, near = c.before, c.step, c.most, c.near
     for i in range(n):
-        lowest = min(max(-most[i], before[i] - c.step), most[i])
-        highest = max(min(most[i], before[i] + c.step), -most[i])
+        lowest = min(max(-most[i], before[i] - step[i]), most[i])
+        highest = max(min(most[i], before[i] + step[i]), -most[i])
         near[i] = min(max(torque[i], lowest), highest)

@@ -14,8 +14,10 @@ inverse dynamics as the law's forces, so that a capped force does not shake the 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import fields
+from typing import Self
 
 import casadi as ca
 
@@ -24,10 +26,10 @@ from taskspec.control.state import TaskState
 from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.program.limits.bounds import (
+    COMMAND,
     FORCE,
     JOINT,
     SPEED,
-    TORQUE,
     Bounds,
     Row,
     Source,
@@ -48,8 +50,58 @@ _NOTHING = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
-class Pieces:
-    """Intermediate results of a tick that the matrices of its program are made of.
+class Matrices:
+    """The program's matrices.
+
+    Attributes:
+        P: (n, n) what x costs.
+        A: (m, n) the limits.
+        requests: (r, n) what x adds to the force along each of the requested directions.
+        factor: (n, n) lower, what x adds to the command.
+    """
+
+    P: ca.SX
+    A: ca.SX
+    requests: ca.SX
+    factor: ca.SX
+
+
+class Pieces(ABC):
+    """Intermediate results of a tick that the matrices of its program are made of: its fields."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def matrices(self, sources: Sequence[Source]) -> Matrices:
+        """The program's matrices.
+
+        Args:
+            sources: where the rows of A come from.
+        """
+
+    def parts(self) -> list[ca.SX]:
+        """All of them, in order, without the zeros that they always have."""
+        return [ca.sparsify(getattr(self, name)) for name in self._names()]
+
+    def flat(self) -> ca.SX:
+        """Their entries as one vector."""
+        return ca.vertcat(ca.SX(0, 1), *(x for part in self.parts() for x in part.nonzeros()))
+
+    def symbols(self) -> Self:
+        """Symbols of the same shapes, with the same zeros."""
+        shapes = [part.sparsity() for part in self.parts()]
+        return type(self)(
+            *(ca.SX.sym(n, shape) for n, shape in zip(self._names(), shapes, strict=True))
+        )
+
+    @classmethod
+    def _names(cls) -> list[str]:
+        return [part.name for part in fields(cls)]  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, slots=True)
+class TorquePieces(Pieces):
+    """Those of a program of torques.
 
     Attributes:
         L: (n, n) Cholesky factor of H.
@@ -73,19 +125,24 @@ class Pieces:
     directions: ca.SX
     requests: ca.SX
 
-    def parts(self) -> list[ca.SX]:
-        """All of them, in order, without the zeros that they always have."""
-        return [ca.sparsify(getattr(self, part.name)) for part in fields(self)]
-
-    def flat(self) -> ca.SX:
-        """Their entries as one vector."""
-        return ca.vertcat(ca.SX(0, 1), *(x for part in self.parts() for x in part.nonzeros()))
-
-    def symbols(self) -> Pieces:
-        """Symbols of the same shapes, with the same zeros."""
-        names = [part.name for part in fields(self)]
-        shapes = [part.sparsity() for part in self.parts()]
-        return Pieces(*(ca.SX.sym(n, shape) for n, shape in zip(names, shapes, strict=True)))
+    def matrices(self, sources: Sequence[Source]) -> Matrices:
+        """The program's matrices."""
+        n = self.L.shape[0]
+        from_joints = linear.backward(self.L, ca.SX.eye(n))
+        multipliers = self.inertia @ self.C.T
+        onto = self.J @ from_joints
+        made = {
+            COMMAND: self.L,
+            JOINT: from_joints,
+            FORCE: ca.diag(self.active) @ multipliers if multipliers.shape[0] else multipliers,
+            SPEED: self.directions.T @ onto,
+        }
+        return Matrices(
+            P=_cost(self, multipliers),
+            A=ca.vertcat(ca.SX(0, n), *(made[kind][i, :] for kind, i in sources)),
+            requests=_onto(self.requests, self.L).T,
+            factor=self.L,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +154,7 @@ class LimitRows:
         sources: where the rows of A come from.
         lower, upper: (m,); x = 0 is u*.
         pieces: what A is made of.
-        torque: (n,) u*, with the pushes on contacts within their bounds.
+        command: (n,) u*, with the pushes on contacts within their bounds.
         clamped: sum of 2^i over the rows i of pushes that were not.
         cut: (r,) what that took from each of the requested forces.
         finite: a number that is finite only if everything in here is.
@@ -108,7 +165,7 @@ class LimitRows:
     lower: ca.SX
     upper: ca.SX
     pieces: Pieces
-    torque: ca.SX
+    command: ca.SX
     clamped: ca.SX
     cut: ca.SX
     finite: ca.SX
@@ -123,40 +180,6 @@ class LimitRows:
         return beyond + _NOTHING * self.finite
 
 
-@dataclass(frozen=True, slots=True)
-class Matrices:
-    """The program's matrices.
-
-    Attributes:
-        P: (n, n) what x costs.
-        A: (m, n) the limits.
-        requests: (r, n) what x adds to the force along each of the requested directions.
-    """
-
-    P: ca.SX
-    A: ca.SX
-    requests: ca.SX
-
-
-def matrices(sources: Sequence[Source], pieces: Pieces) -> Matrices:
-    """The matrices of a program from the pieces that its tick hands over."""
-    n = pieces.L.shape[0]
-    from_joints = linear.backward(pieces.L, ca.SX.eye(n))
-    multipliers = pieces.inertia @ pieces.C.T
-    onto = pieces.J @ from_joints
-    made = {
-        TORQUE: pieces.L,
-        JOINT: from_joints,
-        FORCE: ca.diag(pieces.active) @ multipliers if multipliers.shape[0] else multipliers,
-        SPEED: pieces.directions.T @ onto,
-    }
-    return Matrices(
-        P=_cost(pieces, multipliers),
-        A=ca.vertcat(ca.SX(0, n), *(made[kind][i, :] for kind, i in sources)),
-        requests=_onto(pieces.requests, pieces.L).T,
-    )
-
-
 def _onto(requests: ca.SX, L: ca.SX) -> ca.SX:
     """(n, r) what x adds to the force along each of the requested rows (r, n)."""
     columns = []
@@ -166,7 +189,7 @@ def _onto(requests: ca.SX, L: ca.SX) -> ca.SX:
     return ca.horzcat(ca.SX(L.shape[0], 0), *columns)
 
 
-def _cost(pieces: Pieces, multipliers: ca.SX) -> ca.SX:
+def _cost(pieces: TorquePieces, multipliers: ca.SX) -> ca.SX:
     """P (n, n), by the orthogonal parts of x: null space, motion, contact force."""
     n = pieces.L.shape[0]
     null, motion, force = (COST[part] for part in ("null space", "motion", "force"))
@@ -229,7 +252,7 @@ def limit_rows(
         sources=tuple(found.sources),
         lower=ca.vertcat(ca.SX(0, 1), *found.lower),
         upper=ca.vertcat(ca.SX(0, 1), *found.upper),
-        pieces=Pieces(
+        pieces=TorquePieces(
             L=L,
             T=T if redundant else ca.SX(n, 0),
             M=M if redundant else ca.SX(0, 0),
@@ -240,7 +263,7 @@ def limit_rows(
             directions=directions,
             requests=requests,
         ),
-        torque=wanted,
+        command=wanted,
         clamped=clamped,
         cut=_onto(requests, L).T @ x,
         finite=ca.sumsqr(acceleration) + ca.sumsqr(pushes.wanted) + ca.sumsqr(v),

@@ -7,11 +7,16 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 import numpy as np
 
+from taskspec.control import linear
 from taskspec.control.qp import check_solver
 from taskspec.geometry.axis import Axis
+from taskspec.laws.design import GAIN_MARGIN
+from taskspec.laws.gains import Gains, on_axis
+from taskspec.laws.servo_loop import Contact
 from taskspec.program import signals
 from taskspec.program.context import Context
-from taskspec.program.limits.bounds import TorqueRange
+from taskspec.program.last_commands import last_command, last_velocity
+from taskspec.program.limits.bounds import CommandRange
 from taskspec.program.limits.consistency import (
     Generator,
     Requests,
@@ -27,14 +32,19 @@ from taskspec.program.limits.contacts import (
     pushing,
     shape_rows,
 )
-from taskspec.program.limits.limited import limit_rows
+from taskspec.program.limits.limited import LimitRows, limit_rows
 from taskspec.program.limits.resolution import Resolved
+from taskspec.program.limits.velocities import (
+    Commands,
+    Pressed,
+    joint_metric,
+    task_metric,
+    velocity_rows,
+)
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.world import kinematics
-
-#: The parameter with the command of the tick before.
-LAST_COMMAND = "last_torque"
+from taskspec.robot.inverse_kinematics import turns_at
 
 
 def resolve(
@@ -42,6 +52,7 @@ def resolve(
     measurement: Measurement,
     requested: Mapping[str, ca.SX],
     wanted: ca.SX,
+    gains: Gains,
 ) -> Resolved:
     """The two programs of a stage, as expressions.
 
@@ -49,7 +60,8 @@ def resolve(
         plan: of the stage.
         measurement: what it measures.
         requested: force set points by name, before anything is taken from them.
-        wanted: (n,) torque of the closed form.
+        wanted: (n,) torque or velocity of the closed form.
+        gains: of the stage, as its tick has them.
     """
     context = plan.context
     names = tuple(requested)
@@ -77,13 +89,37 @@ def resolve(
         ),
         values=ca.vertcat(ca.SX(0, 1), *requested.values()),
     )
-    last = measurement.parameters.add(LAST_COMMAND, n) if limits.torque_rate is not None else None
+    if plan.law.control_law.commands == "velocity":
+        limited, most = _velocities(
+            plan, measurement, requests, wanted, gains, contacts, on_equations
+        )
+    else:
+        limited, most = _torques(plan, measurement, requests, wanted, [*contacts, *on_equations])
+    check_solver(plan.law.solver)
+    generators = _generators(plan, measurement, requests, axes, objects, on_equations)
+    nearest = consistency(context, limits, requests, generators, measurement.world.gravity)
+    return Resolved(plan.law.solver, most, requests, limited, nearest)
+
+
+def _torques(
+    plan: StagePlan,
+    measurement: Measurement,
+    requests: Requests,
+    wanted: ca.SX,
+    contacts: Sequence[ContactRow],
+) -> tuple[LimitRows, CommandRange]:
+    """The limits of a stage whose law commands torques."""
+    context, limits, inputs = plan.context, plan.limits, measurement.inputs
+    n, rate = context.robot.n, np.inf
+    last = None
+    if limits.torque_rate is not None:
+        last, rate = last_command(context, measurement.parameters), limits.torque_rate
     limited = limit_rows(
         context=context,
         limits=limits,
         state=measurement.state,
         terms=measurement.world,
-        contacts=[*contacts, *on_equations],
+        contacts=contacts,
         requests=requests.rows,
         wanted=wanted,
         last=last,
@@ -91,12 +127,57 @@ def resolve(
         v=inputs.v,
         environment=_environment(context, measurement),
     )
-    check_solver(plan.law.solver)
-    generators = _generators(plan, measurement, requests, axes, objects, on_equations)
-    nearest = consistency(context, limits, requests, generators, measurement.world.gravity)
-    rate = np.inf if limits.torque_rate is None else limits.torque_rate
-    torques = TorqueRange(context.robot.torque_limit, rate * context.period)
-    return Resolved(plan.law.solver, torques, requests, limited, nearest)
+    step = np.full(n, rate * context.period)
+    return limited, CommandRange(context.robot.torque_limit, step)
+
+
+def _velocities(
+    plan: StagePlan,
+    measurement: Measurement,
+    requests: Requests,
+    wanted: ca.SX,
+    gains: Gains,
+    contacts: Sequence[ContactRow],
+    equations: Sequence[ContactRow],
+) -> tuple[LimitRows, CommandRange]:
+    """The limits of a stage whose law commands velocities.
+
+    Of an arm that takes positions, it is what they are commanded to be that keeps their limits.
+    """
+    context, law = plan.context, plan.law.control_law
+    drives, period, n = context.drives, context.period, context.robot.n
+    assert drives.timing is not None
+    loops = [law.loop_damping(on_axis(gains, name)) for name in requests.names]
+    at, unit = measurement.inputs.q, 1.0
+    most = CommandRange(drives.most, drives.rates * period)
+    if drives.positions:
+        at, unit = last_command(context, measurement.parameters), period
+        most = CommandRange(np.full(n, np.inf), drives.most * period)
+    state = measurement.state
+    turns = [turns_at(context.robot, i) for i in range(n)]
+    # As heavy as the arm may be: what gives way beside the contact only takes from the loop.
+    heavy = max((plan.design_rules.plants[a].held for a in plan.translations), default=1.0)
+    pressed = [
+        Pressed(
+            row,
+            GAIN_MARGIN * drives.timing.along(heavy, Contact(row.stiffness)).least_damping()[0],
+            measurement.gaps[row.name],
+        )
+        for row in contacts
+    ]
+    pressed += [Pressed(row, law.loop_damping(on_axis(gains, row.name)), None) for row in equations]
+    limited = velocity_rows(
+        context=context,
+        limits=plan.limits,
+        metric=task_metric(state) if plan.joint_path is None else joint_metric(turns),
+        L=state.H_factor,
+        terms=measurement.world,
+        pressed=pressed,
+        requests=ca.diag(linear.column(loops)) @ requests.rows if loops else requests.rows,
+        commands=Commands(wanted, last_velocity(context, measurement.parameters), at, unit),
+        v=measurement.inputs.v,
+    )
+    return limited, most
 
 
 def _environment(context: Context, measurement: Measurement) -> ca.SX:

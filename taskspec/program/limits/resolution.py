@@ -9,9 +9,10 @@ import casadi as ca
 
 from taskspec.deferred_methods import dataclass
 from taskspec.program.drives import Drives
-from taskspec.program.limits.bounds import Row, TorqueRange
+from taskspec.program.limits.bounds import CommandRange, Row
 from taskspec.program.limits.consistency import Consistency, Requests
-from taskspec.program.limits.limited import LimitRows, matrices
+from taskspec.program.limits.limited import LimitRows
+from taskspec.program.limits.velocities import VelocityPieces
 
 #: What is left of a request below this share of it is rounding.
 _ROUNDING = 1e-6
@@ -27,8 +28,9 @@ class Resolution:
 
     Attributes:
         solver: `daqp` or `osqp`.
+        velocities: whether it is of a law that commands velocities.
         rows: the m limits.
-        torques: what the torque of a tick stays within in any case.
+        commands: what the command of a tick stays within in any case.
         requested: names of the r force set points.
         handed: length of the pieces that the tick hands over, before lower and upper.
         assemble: these pieces -> `ASSEMBLED`.
@@ -42,8 +44,9 @@ class Resolution:
     """
 
     solver: str
+    velocities: bool
     rows: tuple[Row, ...]
-    torques: TorqueRange
+    commands: CommandRange
     requested: tuple[str, ...]
     handed: int
     assemble: ca.Function
@@ -61,13 +64,13 @@ class Resolved:
     Attributes:
         solver: by name.
         requests: the stage's force set points.
-        torques: what the torque of a tick stays within in any case.
-        limits: what binds the torque.
+        commands: what the command of a tick stays within in any case.
+        limits: what binds the command.
         nearest: the forces that contacts return; None where nothing is requested of one.
     """
 
     solver: str
-    torques: TorqueRange
+    commands: CommandRange
     requests: Requests
     limits: LimitRows
     nearest: Consistency | None
@@ -103,16 +106,19 @@ class Resolved:
             )
             look = _flat("look", arguments, inputs)
         pieces = limits.pieces.symbols()
-        made = matrices(limits.sources, pieces)
+        made = pieces.matrices(limits.sources)
         handed = pieces.flat()
         m, n = made.A.shape
         return Resolution(
             solver=self.solver,
+            velocities=isinstance(pieces, VelocityPieces),
             rows=limits.rows,
-            torques=self.torques,
+            commands=self.commands,
             requested=self.requests.names,
             handed=handed.shape[0],
-            assemble=_flat("assemble", [handed], (made.P, made.A.T, pieces.L.T, made.requests.T)),
+            assemble=_flat(
+                "assemble", [handed], (made.P, made.A.T, made.factor.T, made.requests.T)
+            ),
             accept=_accept(n, m, len(self.requests.names)),
             look=look,
             left=None if nearest is None else _left(nearest.g.shape[0], len(self.requests.names)),
@@ -184,4 +190,7 @@ def _left(g: int, r: int) -> ca.Function:
 def saturated(drives: Drives, wanted: ca.SX) -> ca.SX:
     """Command (n,) as the joints take it of that of a closed form."""
     limit = ca.DM(drives.most)
-    return ca.fmax(ca.fmin(wanted, limit), -limit)
+    if drives.torques:
+        return ca.fmax(ca.fmin(wanted, limit), -limit)
+    # All joints slow down together, so that the tool keeps its way.
+    return wanted / ca.fmax(1, ca.mmax(ca.fabs(wanted) / limit))

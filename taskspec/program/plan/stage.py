@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import Axis
-from taskspec.laws.computed_torque import COMPUTED_TORQUE
 from taskspec.laws.gains import Gains, on_axis
 from taskspec.modes import Coupling
 from taskspec.motion.joint_path import JointPath
@@ -36,7 +35,7 @@ from taskspec.program.reference.paths import by_phase, joint_path, path_shape
 from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
-from taskspec.spec import JOINT_LAW, Law, Limits, Stage
+from taskspec.spec import JOINT_LAWS, Law, Limits, Stage, joint_law
 
 Vector = NDArray[np.float64]
 
@@ -115,7 +114,7 @@ class StagePlan:
         if self.spec.path is None or self.spec.path.joints is None:
             return law
         if self.spec.law is None and not active_equations(law, self.spec, self.context.equations):
-            return JOINT_LAW
+            return joint_law(self.context.drives.commands, law.solve)
         return law.model_copy(update={"orientation": "so3"})  # No axis turns by its angles.
 
     @cached_property
@@ -128,6 +127,8 @@ class StagePlan:
         protection = self.context.loaded.task.robot.protection
         joints = None if protection is None else protection.joints
         if self.law.solve != "qp" or joints is None or joints.torque_rate is None:
+            return limits
+        if self.law.control_law.commands != "torque":
             return limits
         rates = [*joints.torque_rate, limits.torque_rate or math.inf]
         return limits.model_copy(update={"torque_rate": min(rates)})
@@ -330,8 +331,8 @@ class StagePlan:
 
     def by_rules(self) -> Design:
         """What the law's rules give."""
-        if self.law is JOINT_LAW:
-            return Design(COMPUTED_TORQUE.joint_gains(self.context.robot.n))
+        if self.law.kind in JOINT_LAWS:
+            return Design(JOINT_LAWS[self.law.kind].joint_gains(self.context.robot.n))
         if self.joint_path is not None:
             return self.design_rules.in_joints()
         return self.design_rules.design()

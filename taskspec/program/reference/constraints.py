@@ -19,6 +19,7 @@ from taskspec.control.state import ARM_LENGTH, TaskState
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import AxisPlant, Gains
+from taskspec.laws.servo_loop import Contact
 from taskspec.program.context import Context
 from taskspec.program.slots import Slots
 from taskspec.program.world.equations import EquationModel, EquationTerms
@@ -122,15 +123,33 @@ def equation_gains(
 ) -> Gains:
     """Gains of the equations' force loops, by gain and equation."""
     gains: Gains = {}
+    share = _held_share(context, names)
     for name in names:
-        model = models[name]
-        normals = _normals(context, name)
-        inverse = float((normals * np.linalg.solve(context.start_inertia, normals)).sum(0).max())
-        h = 1.0 / inverse if inverse > 0 else 1.0
-        plant = AxisPlant(h=h, held=h, k=context.compliances[name].stiffness, period=context.period)
+        model, normals = models[name], _normals(context, name)
+        inverse = (normals * np.linalg.solve(context.start_inertia, normals)).sum(0)
+        timing, given = context.drives.timing, context.compliances[name]
+        h = 1.0 / inverse.max() if inverse.max() > 0 else 1.0
+        contact = Contact(given.stiffness, given.damping)
+        plant = AxisPlant(
+            h=h,
+            held=share[name] / inverse.min() if inverse.min() > 0 else 1.0,
+            k=given.stiffness,
+            period=context.period,
+            servo=None if timing is None else timing.along(h, contact),
+        )
         for gain, value in law.design_equation(model.angular, plant, worth).items():
             gains.setdefault(gain, {})[name] = value
     return gains
+
+
+def _held_share(context: Context, names: Sequence[str]) -> dict[str, float]:
+    """By how much more mass the arm has along each equation at the start while the others hold."""
+    normals = np.array([context.start_equations[name].normal for name in names])
+    if not names:
+        return {}
+    mobility = normals @ np.linalg.solve(context.start_inertia, normals.T)
+    found = np.diag(np.linalg.pinv(mobility)) * np.diag(mobility)
+    return {name: max(float(share), 1.0) for name, share in zip(names, found, strict=True)}
 
 
 def _normals(context: Context, equation: str) -> NDArray[np.float64]:

@@ -18,8 +18,8 @@ class Choice:
 
     Attributes:
         look: the tick's inputs -> J_phi on the candidates (m, c), weighted by how readily each
-            yields, q'' that the motion loops command (n,), and q'' that keeps the constraints
-            (n,).
+            yields, what the motion loops command (n,), and what of that keeps the constraints
+            (n,): q'', or q' under a law that commands velocities.
         least: conditioning below which they are chosen again.
     """
 
@@ -32,8 +32,10 @@ def candidates(arguments: list[ca.SX], commanded: Commanded) -> Choice | None:
     control, chosen = commanded.case.constraints, commanded.chosen
     if control is None or chosen is None:
         return None
-    wanted = commanded.case.joint_motion()
-    kept = control.kept(wanted + control.held)
+    wanted, kept = commanded.command.motion, commanded.command.joint_velocity
+    if wanted is None or kept is None:
+        wanted = commanded.case.joint_motion()
+        kept = control.kept(wanted + control.held)
     weighted = chosen.J @ chosen.candidates @ ca.diag(ca.DM(chosen.weights))
     results = [ca.densify(result) for result in (weighted, wanted, kept)]
     return Choice(

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import casadi as ca
 
 from taskspec.control import resolution
+from taskspec.control.command import Command
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.case import Case
 from taskspec.program.events import Condition
+from taskspec.program.last_commands import last_velocity
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import orientation
 from taskspec.program.reference.constraints import (
@@ -38,20 +39,20 @@ class Commanded:
         forces: set points and integrals of the equations.
         chosen: what constrains the stage under a law with multipliers, else None.
         case: what the law was filled in with.
+        command: of the law.
         closed_form: (n,) torque of its closed form [N m].
         torque: (n,) the same with what is left of the last stage's.
         conditions: that come with the angles in which the law is stated.
-        kept: what the law remembers, by the slot of the memory.
     """
 
     references: ReferenceSet
     forces: EquationForces
     chosen: ConstraintSet | None
     case: Case
+    command: Command
     closed_form: ca.SX
     torque: ca.SX
     conditions: list[Condition]
-    kept: Mapping[str, ca.SX]
 
     @property
     def set_points(self) -> dict[str, ca.SX]:
@@ -99,6 +100,10 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         posture = null_space_command(
             law, context, measurement.state, measurement.world, inputs.q, inputs.v
         )
+    left = None
+    if law.solve == "qp" and law.control_law.commands == "velocity":
+        commanded = state.J @ last_velocity(context, measurement.parameters)
+        left = commanded, measurement.table.situation.limited
     plans = plan.plans
     case = Case(
         state=state,
@@ -113,6 +118,7 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         free=free_directions(plan, measurement) if plan.consistent else None,
         joints=joints,
         period=context.period,
+        left=left,
         remembered=measurement.memory.add,
     )
     wanted, terms = law.control_law.command(case), measurement.terms
@@ -128,8 +134,8 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         forces,
         chosen,
         case,
+        wanted,
         closed_form,
         closed_form + fading,
         conditions,
-        wanted.memory,
     )

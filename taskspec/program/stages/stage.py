@@ -17,7 +17,8 @@ from taskspec.expression import Expression
 from taskspec.laws.gains import Gains
 from taskspec.program.errors import spec_error
 from taskspec.program.events import Condition, Event, code
-from taskspec.program.limits.programs import LAST_COMMAND, resolve
+from taskspec.program.last_commands import last_command
+from taskspec.program.limits.programs import resolve
 from taskspec.program.limits.resolution import Resolution, Resolved, saturated
 from taskspec.program.operators import choice, quick_operators
 from taskspec.program.plan import StagePlan
@@ -114,10 +115,10 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     filled = plan.but(gains=live)
     commanded = command(filled, measurement)
     limited = _limited(plan, measurement, commanded) if plan.law.solve == "qp" else None
-    torque = limited.limits.torque if limited else saturated(context.drives, commanded.torque)
+    torque = limited.limits.command if limited else saturated(context.drives, commanded.torque)
     closed_form = commanded.closed_form
     if context.drives.positions:
-        before = measurement.parameters.add(LAST_COMMAND, context.robot.n)
+        before = last_command(context, measurement.parameters)
         torque = before + context.period * torque
         closed_form = before + context.period * closed_form
     measurement.table.situation.torque = torque
@@ -128,7 +129,7 @@ def _compiled(plan: StagePlan) -> CompiledStage:
         commanded.references,
     )
     updates = references.updates | commanded.forces.updates | measurement.algebra.updates
-    updates |= commanded.kept
+    updates |= commanded.command.memory
     remembered = memory.stack(updates)
     results = [
         torque,
@@ -203,7 +204,7 @@ def _limited(plan: StagePlan, measurement: Measurement, commanded: Commanded) ->
         name: force + measurement.infeasible.unreachable[name]
         for name, force in commanded.set_points.items()
     }
-    return resolve(plan, measurement, wishes, commanded.torque)
+    return resolve(plan, measurement, wishes, commanded.torque, commanded.case.gains)
 
 
 def _conditions(plan: StagePlan, measurement: Measurement, commanded: Commanded) -> list[Condition]:

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
 from taskspec.spec import Robot
-from taskspec.spec.servo import Servo
-from taskspec.text.units import scaled
+from taskspec.spec.servo import PLURALS
 
 
 def servo_rows(robot: Robot) -> Iterator[tuple[str, str]]:
@@ -16,12 +13,8 @@ def servo_rows(robot: Robot) -> Iterator[tuple[str, str]]:
     if robot.takes_torques:
         return
     servo = robot.servo
-    yield "commanded", f"joint {'velocities' if robot.command == 'velocity' else 'positions'}"
+    yield "commanded", f"joint {PLURALS[robot.command]}"
     if servo.about:
         yield "servo", servo.about
-    for key, values in servo.numbers.items():
-        shown = [
-            scaled(float(value), Servo.dimension_of(key), 5) for value in np.atleast_1d(values)
-        ]
-        text = ", ".join(shown[:1] if len(set(shown)) == 1 else shown)
+    for key, text in servo.written:
         yield f"servo: {key}", f"{text} (from: {servo.sources.get(key, 'an assumption')})"

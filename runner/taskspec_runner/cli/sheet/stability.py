@@ -13,7 +13,15 @@ from taskspec.laws.law import gain_named
 from taskspec.program.program import Program
 from taskspec.stability.gain_paths import turns
 from taskspec.stability.loop import Mode, UnfitError
-from taskspec.stability.margin import MOTION, Limit, Search, grows, rings
+from taskspec.stability.margin import (
+    DELAY,
+    MOTION,
+    OF_THE_ROBOT,
+    Limit,
+    Search,
+    grows,
+    rings,
+)
 from taskspec.stability.sampled_stage import SampledStage, loop_of
 from taskspec.stability.textbook import conditions
 from taskspec.text.units import FORCE, STIFFNESS, TIME, number, scaled, show
@@ -135,6 +143,10 @@ def _bounds(program: Program, sampled: SampledStage) -> Iterator[BoundRow]:
                     f"{'<' if found.upper else '>'} {scaled(found.value, STIFFNESS)}",
                     "this stage as it is sampled",
                 )
+    for limit in search.robot():
+        unit, way = OF_THE_ROBOT[limit.what], "<" if limit.upper else ">"
+        most = f"{'<=' if limit.what == DELAY else way} {scaled(limit.value, unit, 3)}"
+        yield BoundRow(limit.what, scaled(limit.now, unit), most, "this stage as it is sampled")
     for condition in conditions(sampled):
         yield _condition(condition)
 

@@ -47,6 +47,8 @@
 /* A sample is that of a tick if its stamp is nearer than this [periods]. */
 #define TS_TOLERANCE 0.75
 
+#define TS_POSITIONS 2
+static const double host_posture[] = @UPPER@_START;
 enum { TS_DONE = @UPPER@_DONE, TS_FAILED = @UPPER@_FAILED, TS_STOPPED = @UPPER@_STOPPED };
 
 static const char *const host_stages[] = {@STAGE_NAMES@};
@@ -92,6 +94,7 @@ struct @NAME@ *@NAME@_init(void *memory)
     m->state = @UPPER@_NOT_STARTED;
     m->event = -1;
     m->bears = @UPPER@_BEARS;
+    if (@NAME@_quantity == TS_POSITIONS) memcpy(m->answer, host_posture, sizeof m->answer);
     return m;
 }
 
@@ -110,13 +113,16 @@ static bool host_take(struct @NAME@ *m, const struct @NAME@_input *in)
         m->now->q[i] = in->q[i];
         m->now->v[i] = in->v[i];
     }
+    /* Where nothing has been commanded yet, positions are held where they are measured. */
+    for (i = 0; @NAME@_quantity == TS_POSITIONS && !m->measured && i < @JOINTS@; i++)
+        m->answer[i] = in->q[i];
     for (i = 0; i < 6; i++) m->wrench[i] = in->wrench[i];
     for (i = 0; i < @REACTIONS@; i++) m->now->reactions[i] = in->reactions[i];
     m->measured = true;
     return true;
 }
 
-/* Whether the torques of a tick may be used; sets the state where only they say that not. */
+/* Whether the commands of a tick may be used; sets the state where only they say that not. */
 static bool host_sane(struct @NAME@ *m)
 {
     bool finite = true;
@@ -126,7 +132,15 @@ static bool host_sane(struct @NAME@ *m)
     return finite && m->state != @UPPER@_DIVERGED;
 }
 
-/* Takes the arm's motion away, from the torques of the last answer on. */
+/* Takes note of how fast the positions go that are commanded. */
+static void host_note(struct @NAME@ *m, int32_t lost)
+{
+    int i;
+    for (i = 0; @NAME@_quantity == TS_POSITIONS && i < @JOINTS@; i++)
+        m->now->rate[i] = (m->now->torque[i] - m->answer[i]) / ((1 + lost) * @UPPER@_PERIOD);
+}
+
+/* Takes the arm's motion away, from the commands of the last answer on. */
 static void host_rest(struct @NAME@ *m)
 {
     int i;
@@ -139,7 +153,7 @@ static void host_rest(struct @NAME@ *m)
 static int32_t host_answer(struct @NAME@ *m, struct @NAME@_output *out, int32_t lost)
 {
     int i;
-    for (i = 0; i < @JOINTS@; i++) out->torque[i] = m->answer[i] = m->now->torque[i];
+    for (i = 0; i < @JOINTS@; i++) out->@COMMAND@[i] = m->answer[i] = m->now->torque[i];
     out->state = m->state;
     out->stage = (int32_t)m->now->stage;
     out->lost = lost;
@@ -221,6 +235,7 @@ int32_t @NAME@_step(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAM
     over = m->state != @UPPER@_RUNNING;
     if (!over) host_tick(m);
     if (over || !host_sane(m)) host_rest(m);
+    else host_note(m, lost);
     return host_answer(m, out, lost);
 }
 

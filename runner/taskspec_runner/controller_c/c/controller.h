@@ -7,14 +7,14 @@
  *   @NAME@_start takes the first sample, of an arm at rest;
  *   @NAME@_step takes the sample of each control period, the first one once more, in order and
  *   @RATE@ times a second.
- * The torques of an answer are applied until the next one. Nothing is allocated, printed or global:
+ * The @COMMANDS@ of an answer hold until the next one. Nothing is allocated, printed or global:
  * several instances, and several tasks, may run in one program. An instance stays where it is.
  *
- * Guarantees: each call ends after a bounded number of instructions. Torques are finite.
-@TORQUES@
+ * Guarantees: each call ends after a bounded number of instructions. The @COMMANDS@ are finite.
+@KEPT@
  * A number that is not finite, a stamp that stands still or runs back, and more lost samples in a
- * row than are borne end the task by name, and enter no torque. From its end on, whatever it is,
- * the torques take the arm's motion away and carry it.
+ * row than are borne end the task by name, and enter no @COMMAND@.
+@AT_END@
  *
 @ROBOT@
  *
@@ -44,6 +44,8 @@ extern "C" {
 #define @UPPER@_PERIOD @PERIOD@
 /* Lost samples in a row that are borne at first. */
 #define @UPPER@_BEARS @BEARS@
+/* What is commanded: 0 torques, 1 velocities, 2 positions. */
+enum { @NAME@_quantity = @QUANTITY@ };
 /* Whether the wrench is a reading, from which weight and zero are still to be taken. */
 #define @UPPER@_READS_SENSOR @SENSOR@
 /* Joint positions where the task of the file starts. */
@@ -72,9 +74,9 @@ struct @NAME@_input {
     double stamp;
 };
 
-/* The answer to a sample. */
+/* The answer to a sample. It begins with what is commanded. */
 struct @NAME@_output {
-    double torque[@JOINTS@]; /* of the drives on the joints; @GRAVITY@ */
+    double @COMMAND@[@JOINTS@]; /* @MEANS@ */
     int32_t state; /* of enum @NAME@_state */
     int32_t stage; /* its number, as above */
     int32_t lost; /* samples lost before this one */
@@ -98,8 +100,8 @@ const char *@NAME@_task(void);
 uint64_t @NAME@_size(void);
 /* Prepares an instance in memory of that size, which is aligned as a double is. */
 struct @NAME@ *@NAME@_init(void *memory);
-/* Begins the task where the first sample says that the arm rests. Its torques carry the arm; they
- * are zero where the sample is not finite. Once more, it begins the task anew. */
+/* Begins the task where the first sample says that the arm rests. Once more, it begins it anew.
+ * @AT_START@ */
 void @NAME@_start(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAME@_output *out);
 /* One control period; the first sample is that of the start. Returns the state. */
 int32_t @NAME@_step(struct @NAME@ *m, const struct @NAME@_input *in, struct @NAME@_output *out);

@@ -11,13 +11,13 @@
 /* A communication step is so many periods if it is nearer to them than this [periods]. */
 #define FMU_TOLERANCE 1e-3
 
-/* References of the variables: the time, the doubles of a sample in their order, the torques, and
+/* References of the variables: the time, the doubles of a sample in their order, the commands, and
  * what else modelDescription.xml has. */
 enum {
     FMU_TIME = 0,
     FMU_INPUTS = @INPUTS@,
-    FMU_TORQUE = FMU_INPUTS + 1,
-    FMU_STATE = FMU_TORQUE + @UPPER@_JOINTS,
+    FMU_COMMAND = FMU_INPUTS + 1,
+    FMU_STATE = FMU_COMMAND + @UPPER@_JOINTS,
     FMU_STAGE,
     FMU_LOST,
     FMU_EVENT,
@@ -110,7 +110,7 @@ static bool fmu_get_number(struct fmu *f, uint32_t reference, double *value)
     else if (reference <= FMU_INPUTS)
         memcpy(value, (const char *)&f->in + (reference - 1) * sizeof *value, sizeof *value);
     else if (reference < FMU_STATE)
-        *value = f->out.torque[reference - FMU_TORQUE];
+        *value = f->out.@COMMAND@[reference - FMU_COMMAND];
     else
         return false;
     return true;

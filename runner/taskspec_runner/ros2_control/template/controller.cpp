@@ -1,7 +1,7 @@
 // The controller of the task "@TITLE@" as a plugin of ros2_control, made by taskspec @VERSION@.
 //
 // All that the task does is in @NAME@.c; here a sample is taken from the state interfaces, and the
-// torques are written to the effort interfaces. Nothing is allocated and nothing waits in `update`.
+// @COMMANDS@ are written to the @INTERFACE@ interfaces. Nothing is allocated and nothing waits in `update`.
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -38,6 +38,8 @@ constexpr std::size_t VALUES = 2 * JOINTS + 6 + REACTIONS;
 // Whether the task takes a reading in the tool's axes, and whether it takes the tool's weight off.
 constexpr bool READS_SENSOR = @UPPER@_READS_SENSOR;
 constexpr bool WEIGHS = @WEIGHS@;
+// What is commanded; torques alone have gravity in them.
+constexpr bool TORQUES = @NAME@_quantity == 0, VELOCITIES = @NAME@_quantity == 1;
 // Where the task begins [rad or m].
 constexpr std::array<double, JOINTS> START @UPPER@_START;
 constexpr std::array<const char *, 6> WRENCH{"force.x", "force.y", "force.z",
@@ -62,7 +64,7 @@ public:
       if constexpr (REACTIONS > 0) {
         auto_declare<std::vector<std::string>>("reactions", {@REACTION_LIST@});
       }
-      auto_declare<bool>("gravity_compensated", false);
+      if constexpr (TORQUES) auto_declare<bool>("gravity_compensated", false);
       auto_declare<int>("lost_samples", @BEARS@);
       auto_declare<double>("start_tolerance", 0.05);
     } catch (const std::exception & error) {
@@ -101,10 +103,10 @@ public:
     }
     if (lost < 0 || lost > 1000000) return refused("lost_samples is 0 or more");
 
-    efforts_.clear();
+    commands_.clear();
     states_.clear();
     for (const auto & joint : joints) {
-      efforts_.push_back(prefix + joint + "/" + hardware_interface::HW_IF_EFFORT);
+      commands_.push_back(prefix + joint + "/" + hardware_interface::HW_IF_@HARDWARE@);
     }
     for (const char * kind :
          {hardware_interface::HW_IF_POSITION, hardware_interface::HW_IF_VELOCITY}) {
@@ -120,7 +122,7 @@ public:
     if (in_world_ && weighs_) {
       return refused("a wrench in world axes is of the contact alone: weight_in_reading is false");
     }
-    compensated_ = node->get_parameter("gravity_compensated").as_bool();
+    if constexpr (TORQUES) compensated_ = node->get_parameter("gravity_compensated").as_bool();
     lost_ = static_cast<std::int32_t>(lost);
     start_tolerance_ = node->get_parameter("start_tolerance").as_double();
 
@@ -133,7 +135,7 @@ public:
 
   InterfaceConfiguration command_interface_configuration() const override
   {
-    return {interface_configuration_type::INDIVIDUAL, efforts_};
+    return {interface_configuration_type::INDIVIDUAL, commands_};
   }
 
   InterfaceConfiguration state_interface_configuration() const override
@@ -143,7 +145,7 @@ public:
 
   CallbackReturn on_activate(const rclcpp_lifecycle::State &) override
   {
-    if (!ordered(command_interfaces_, efforts_) || !ordered(state_interfaces_, states_)) {
+    if (!ordered(command_interfaces_, commands_) || !ordered(state_interfaces_, states_)) {
       return refused("the interfaces that were assigned are not those of the configuration");
     }
     if (!read()) return refused("a state interface cannot be read");
@@ -173,7 +175,7 @@ public:
     const bool fresh = read();
     unread_ = fresh ? 0 : unread_ + 1;
     if (!fresh && (!started_ || unread_ <= lost_ + 1)) {
-      // A lost sample: the torques go on, and the task takes it into account at the next one.
+      // A lost sample: the @COMMANDS@ go on, and the task takes it into account at the next one.
       return return_type::OK;
     }
     if (!started_) begin_ = time.nanoseconds();
@@ -187,22 +189,23 @@ public:
     }
     @NAME@_step(task_, &input_, &output_);
     for (std::size_t i = 0; i < JOINTS; ++i) {
-      efforts_now_[i] = output_.torque[i];
-      if (compensated_) efforts_now_[i] -= gravity_[i];
+      commands_now_[i] = output_.@COMMAND@[i];
+      if (compensated_) commands_now_[i] -= gravity_[i];
     }
     unwritten_ = write() ? 0 : unwritten_ + 1;
     const std::unique_lock<std::mutex> lock(mutex_, std::try_to_lock);
     if (lock) status_ = @NAME@_status(task_);
-    // The task goes on to answer after its end: the arm comes to rest and is carried.
+    // The task goes on to answer after its end: the arm comes to rest and stays there.
     return unwritten_ > lost_ ? return_type::ERROR : return_type::OK;
   }
 
   CallbackReturn on_deactivate(const rclcpp_lifecycle::State &) override
   {
-    // What stays in the interfaces carries the arm where it is, and pushes nowhere.
+    // What stays in the interfaces leaves the arm where it is, and pushes nowhere.
     if (started_) {
-      efforts_now_ = compensated_ ? std::array<double, JOINTS>{} : gravity_;
-      if (!write()) RCLCPP_WARN(get_node()->get_logger(), "the last efforts were not all written");
+      if constexpr (TORQUES) commands_now_ = gravity_;
+      if (VELOCITIES || compensated_) commands_now_.fill(0.0);
+      if (!write()) RCLCPP_WARN(get_node()->get_logger(), "the last @COMMANDS@ were not all written");
     }
     started_ = false;
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -295,12 +298,12 @@ private:
     std::copy_n(read + 6, REACTIONS, input_.reactions);
   }
 
-  // Writes the efforts; false where one of them was not taken.
+  // Writes the @COMMANDS@; false where one of them was not taken.
   bool write()
   {
     bool written = true;
     for (std::size_t i = 0; i < JOINTS; ++i) {
-      written = command_interfaces_[i].set_value(efforts_now_[i]) && written;
+      written = command_interfaces_[i].set_value(commands_now_[i]) && written;
     }
     return written;
   }
@@ -347,12 +350,12 @@ private:
     }
   }
 
-  std::vector<std::string> efforts_, states_;
+  std::vector<std::string> commands_, states_;
   std::array<double, 9> turn_{}, axes_{};
   std::array<double, 3> lever_{};
   std::array<double, 6> weight_{};
   std::array<double, VALUES> values_{}, taken_{};
-  std::array<double, JOINTS> gravity_{}, efforts_now_{};
+  std::array<double, JOINTS> gravity_{}, commands_now_{};
   double sign_ = 1.0, start_tolerance_ = 0.0;
   bool weighs_ = false, in_world_ = false, compensated_ = false, started_ = false;
   std::int32_t lost_ = @BEARS@, unread_ = 0, unwritten_ = 0;
