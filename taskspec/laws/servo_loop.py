@@ -256,9 +256,9 @@ class ServoLoop:
             # Of a step v' = v + h a, y' = y + h v'.
             rate = (1 - step) / t.step
             twice = rate**2 / step
-            gives = np.zeros_like(s)
+            gives: Response = np.zeros_like(s)
             if math.isfinite(on.k):
-                gives = 1 / (on.k + on.d * rate + on.m * twice)
+                gives = np.asarray(1 / (on.k + on.d * rate + on.m * twice), dtype=complex)
             force = 1 / (gamma + twice * gives)
             alone, loaded = held / twice, held * force * gives
             free[0] += alone
