@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
 .PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid referee check
-.PHONY: clean bounds
+.PHONY: clean bounds interface
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -108,6 +108,9 @@ tsid:  ## an environment with TSID, for the referee
 	$(PYTHON) -m venv .tsid
 	.tsid/bin/pip install -q --only-binary :all: tsid==1.7.1 pin==3.4.0 eiquadprog==1.2.9
 	.tsid/bin/pip install -q "cmeel-urdfdom<5" "cmeel-tinyxml2<11"
+
+interface: $(READY)  ## the same tasks by torques, velocities and positions; writes docs/interface.md
+	$(BIN)/python benchmarks/bench_interface.py
 
 referee: $(READY)  ## other people's laws in tasks of this project; writes docs/referee.md
 	$(BIN)/python benchmarks/bench_referee.py

@@ -11,11 +11,13 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
 from taskspec.compiler import compile_task
+from taskspec.laws.case import Case
 from taskspec.program import drives
 from taskspec.spec import load_task
 from taskspec_runner.pages.chart import Chart, Trace
@@ -26,14 +28,12 @@ from taskspec_runner.session import execute_program
 
 HERE = Path(__file__).resolve().parent
 TASKS = HERE.parent / "how-to"
+Overrides = Mapping[str, str]
+
 #: Meanings of colours, one for each run of a picture.
 _ROLES = ("x", "z", "y")
-#: The overrides of a run whose law begins without what the stage before commanded last.
-NOT_CARRIED = {"": ""}
-#: A fading that is over at once [rad/s^2].
-_AT_ONCE = 1e9
-
-Overrides = Mapping[str, str]
+#: Stands for the overrides of a run from which a cure is taken out that no file can leave out.
+TAKEN_OUT: Overrides = {"": ""}
 
 
 @dataclass(frozen=True)
@@ -64,10 +64,12 @@ class Trouble:
     Attributes:
         runs: their overrides, by names.
         signals: that are drawn, one above the other.
+        cure: an attribute of something, and its value without the cure.
     """
 
     runs: Mapping[str, Overrides]
     signals: tuple[Signal, ...]
+    cure: tuple[object, str, object] | None = None
 
 
 TROUBLES = {
@@ -87,11 +89,21 @@ TROUBLES = {
         (TRAVEL,),
     ),
     "switch": Trouble(
-        {"not carried": NOT_CARRIED, "as it is": {}},
+        {"not carried": TAKEN_OUT, "as it is": {}},
         (
             Signal("joint.3.velocity.command", "Command of joint 3", "deg/s", 57.29578),
             Signal("joint.3.torque", "Torque of the drive of joint 3", "N*m"),
         ),
+        # Over at once.
+        (drives, "VELOCITY_FADING", 1e9),
+    ),
+    "windup": Trouble(
+        {"memory goes on": TAKEN_OUT, "as it is": {}},
+        (
+            Signal("torque.rz.ref", "Set point about the tool", "N*m"),
+            Signal("joint.6.position", "Joint 6, whose limit is 360 deg", "deg", 57.29578),
+        ),
+        (Case, "kept", lambda *given: given[-1]),
     ),
     "delay": Trouble(
         {
@@ -114,7 +126,10 @@ def main() -> None:
 def draw(name: str, trouble: Trouble) -> None:
     """Runs a task as a trouble has it, and draws all of it as admittance-NAME.svg."""
     with tempfile.TemporaryDirectory() as folder:
-        runs = {each: _run(name, trouble.runs[each], Path(folder) / each) for each in trouble.runs}
+        runs = {
+            each: _run(name, trouble, given, Path(folder) / each)
+            for each, given in trouble.runs.items()
+        }
         roles = dict(zip(runs, _ROLES, strict=False))
         charts = [
             Chart(
@@ -133,11 +148,11 @@ def draw(name: str, trouble: Trouble) -> None:
         Picture(drawn).save(HERE / f"admittance-{name}.svg")
 
 
-def _run(name: str, overrides: Overrides, folder: Path) -> Run:
-    carried = overrides is not NOT_CARRIED
-    loaded = load_task(TASKS / f"admittance-{name}.yaml", overrides if carried else {})
-    fading = drives.VELOCITY_FADING if carried else _AT_ONCE
-    with patch.object(drives, "VELOCITY_FADING", fading):
+def _run(name: str, trouble: Trouble, overrides: Overrides, folder: Path) -> Run:
+    whole = overrides is not TAKEN_OUT
+    loaded = load_task(TASKS / f"admittance-{name}.yaml", overrides if whole else {})
+    without = nullcontext() if whole or trouble.cure is None else patch.object(*trouble.cure)
+    with without:
         program = compile_task(loaded, force=True)
     return execute_program(program, folder, report=False)
 

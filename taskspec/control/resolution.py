@@ -48,23 +48,6 @@ def torque(
     return u
 
 
-def velocity(command: Command, state: TaskState, posture: ca.SX | None) -> ca.SX:
-    """Joint velocities (n,) [rad/s, m/s] of a command of velocities.
-
-    q'_c = J^bar (v* - J q'_p) + q'_p, with the posture's velocity behind the projector that leaves
-    the task alone.
-
-    Args:
-        command: what the law wants on the m task axes, or of all joints.
-        state: the arm on those axes.
-        posture: (n,) q'_p, None where the arm is not redundant.
-    """
-    if command.joint_velocity is not None:
-        return command.joint_velocity
-    assert command.velocity is not None
-    return resolved(command.velocity, state, posture)
-
-
 def full_acceleration(acceleration: ca.SX, state: TaskState, posture: ca.SX | None) -> ca.SX:
     """q'' (n,) that gives the task its acceleration, J^bar (a* - J' q' - J q''_p) + q''_p.
 

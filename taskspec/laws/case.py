@@ -72,6 +72,7 @@ class Case:
             else None.
         joints: reference of a path of joints; None where the axes of the tool are controlled.
         period: of control [s].
+        carried: (m,) velocity that the axes have by what carries their frame; None for none.
         left: (m,) velocities that the joints were commanded last, and whether limits had taken
             from them; None where no program keeps limits.
         remembered: what the tick before kept in the slot of a name, 0 as the stage begins; what
@@ -90,6 +91,7 @@ class Case:
     free: FreeDirections | None = None
     joints: JointReference | None = None
     period: float = 0.0
+    carried: ca.SX | None = None
     left: tuple[ca.SX, ca.SX] | None = None
     remembered: Callable[[str], ca.SX] = _nothing
 
@@ -164,7 +166,11 @@ class Case:
         if self.joints is not None:
             return self.joints.velocity + self.of_joints("K_V") * self.joints.error
         velocity = self.reference.velocity + self.diagonal("K_V") * self.reference.error
-        return resolved(velocity, self.state, self.posture)
+        return resolved(self.by_the_arm(velocity), self.state, self.posture)
+
+    def by_the_arm(self, velocity: ca.SX) -> ca.SX:
+        """The part of a velocity (m,) of the axes that joints have to make."""
+        return velocity if self.carried is None else velocity - self.carried
 
     def joint_motion(self) -> ca.SX:
         """q'' (n,) that the motion loops command, whatever constrains the arm.

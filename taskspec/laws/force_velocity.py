@@ -51,10 +51,6 @@ class ForceVelocity(ControlLaw):
         """p, i and d of a force axis; the bandwidth of others."""
         return design.velocities(self, axis)
 
-    def unreturned(self, gains: Mapping[str, float]) -> float:
-        """p of the set point, and as much as that has once the integral is full."""
-        return gains.get("force.proportional", 0.0) + (gains.get("force.integral", 0.0) > 0)
-
     def command(self, case: Case) -> Command:
         """The velocity of each axis."""
         state, reference = case.state, case.reference

@@ -37,10 +37,12 @@ class HybridMultipliers(ControlLaw):
     gains = (BANDWIDTH, DAMPING_RATIO, FORCE_PROPORTIONAL, FORCE_INTEGRAL, FORCE_DAMPING)
     derived = (K_P, K_D)
     mechanism_form = True
+    dual = "hybrid-velocity"
     force_loop = True
     multipliers = True
     selects = True
     axis_springs = False
+    dual = "hybrid-velocity"
 
     def command(self, case: Case) -> Command:
         """(4.106) with K_lambda [1] and K_I [1/s] diagonal."""

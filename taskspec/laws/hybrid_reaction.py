@@ -36,10 +36,12 @@ class HybridReaction(ControlLaw):
     gains = (BANDWIDTH, DAMPING_RATIO, FORCE_PROPORTIONAL, FORCE_DAMPING)
     derived = (K_P, K_D)
     mechanism_form = True
+    dual = "hybrid-velocity"
     force_loop = True
     multipliers = True
     selects = True
     axis_springs = False
+    dual = "hybrid-velocity"
 
     def command(self, case: Case) -> Command:
         """(4.121) with K_F diagonal on the coordinates of q_1."""

@@ -7,23 +7,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 from taskspec.control.command import Command
 from taskspec.laws import design
-from taskspec.laws.gains import (
-    BANDWIDTH,
-    FORCE_DAMPING,
-    FORCE_INTEGRAL,
-    FORCE_PROPORTIONAL,
-    K_V,
-    AxisDesign,
-    Gain,
-)
-from taskspec.laws.law import ControlLaw, Solve, register
+from taskspec.laws.force_velocity import ForceVelocity
+from taskspec.laws.gains import AxisDesign, Gain
+from taskspec.laws.law import Solve, register
 
 if TYPE_CHECKING:
     from taskspec.laws.case import Case
 
 
 @register
-class HybridVelocity(ControlLaw):
+class HybridVelocity(ForceVelocity):
     """The motion of all joints that is nearest to what the motion loops command.
 
     Motion axes, joints:      x' = x'_d + w e, w = 2 pi bandwidth.
@@ -37,18 +30,9 @@ class HybridVelocity(ControlLaw):
     kind = "hybrid-velocity"
     title = "hybrid force/velocity control by joint velocities"
     equations = "J_phi q' + r_t = (p (l_d - l) + i int (l_d - l) dt) / d"
-    gains = (BANDWIDTH, FORCE_PROPORTIONAL, FORCE_INTEGRAL, FORCE_DAMPING)
-    derived = (K_V,)
-    commands = "velocity"
     solve: ClassVar[Solve] = "qp"
-    force_loop = True
+    dual = "hybrid-multipliers"
     multipliers = True
-    selects = True
-    axis_springs = False
-
-    def design(self, axis: AxisDesign) -> dict[str, Gain]:
-        """p, i and d of a force axis; the bandwidth of others, and of joints."""
-        return design.velocities(self, axis)
 
     def design_equation(self, axis: AxisDesign) -> dict[str, Gain]:
         """p, i and d along the unit gradient of an equation, whatever others hold the arm."""

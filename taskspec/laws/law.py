@@ -125,15 +125,18 @@ class ControlLaw(ABC):
         """
         return gains.get("force.damping", gains.get("damping", 0.0))
 
-    def unreturned(self, gains: Mapping[str, float]) -> float:  # noqa: ARG002
+    def unreturned(self, gains: Mapping[str, float]) -> float:
         """What a force loop pushes with against its damping where nothing returns its force.
 
-        A multiple of the set point: its own, and as much again once its integral is full.
+        A multiple of the set point: its own, and as much again once its integral is full. One of
+        velocities has p in place of the first, and perhaps no integral.
 
         Args:
             gains: on the axis, by name [SI].
         """
-        return 2.0
+        if self.commands == "torque":
+            return 2.0
+        return gains.get("force.proportional", 0.0) + (gains.get("force.integral", 0.0) > 0)
 
     # What it comes to
 

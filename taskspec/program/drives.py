@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from taskspec.spec import Control, Robot
 
 Vector = NDArray[np.float64]
+Joints = tuple[float, ...]
 
 #: How fast what is left of the last stage's command fades, in the joint that has most to fade: a
 #: torque [N m/s, N/s], a velocity [rad/s^2, m/s^2].
@@ -92,18 +93,15 @@ def drives(robot: RobotModel, declared: Robot, control: Control) -> Drives:
     w = 2 * math.pi * servo.bandwidth
     most, rates = robot.velocity_limit, np.full(n, np.inf)
     period = 1.0 / control.rate
+    bounds = [(owner.acceleration, owner.jerk) for owner in (servo, joints) if owner is not None]
     for velocities in (servo.velocity, None if joints is None else joints.speed):
-        if velocities is not None:
-            most = np.minimum(most, velocities)
-    for owner in (servo, joints):
-        if owner is not None and (owner.acceleration is not None or owner.jerk is not None):
-            acceleration, jerk = excursions(
-                w, servo.damping, 1 / servo.rate, round(servo.rate * period)
-            )
-            if owner.acceleration is not None:
-                rates = np.minimum(rates, np.array(owner.acceleration) / acceleration)
-            if owner.jerk is not None:
-                rates = np.minimum(rates, np.array(owner.jerk) / jerk)
+        most = _lower(most, velocities)
+    if any(bound is not None for pair in bounds for bound in pair):
+        # What a command that changes by 1 in a second makes of the reference.
+        made = excursions(w, servo.damping, 1 / servo.rate, round(servo.rate * period))
+        for pair in bounds:
+            for bound, one in zip(pair, made, strict=True):
+                rates = _lower(rates, bound, one)
     sensor = SensorModel.of(declared.sensor, period)
     timing = ServoTiming(
         w=w,
@@ -117,3 +115,13 @@ def drives(robot: RobotModel, declared: Robot, control: Control) -> Drives:
         pole=sensor.pole,
     )
     return Drives(declared.command, most, rates, VELOCITY_FADING, timing)
+
+
+def _lower(bounds: Vector, other: Joints | None, share: float = 1.0) -> Vector:
+    """The lower of bounds (n,) and others over a share; of another number of joints they are none.
+
+    That they are not for this robot, a rule says.
+    """
+    if other is None or len(other) not in (1, len(bounds)):
+        return bounds
+    return np.minimum(bounds, np.array(other) / share)

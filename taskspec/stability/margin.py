@@ -296,14 +296,23 @@ class Search:
         task, rate = self._true, self._true.robot.servo.rate
         now = task.robot.servo.delay_ticks
 
-        def holds(ticks: int) -> bool:
-            return self._holds(_with(task, DELAY, ticks / rate))
+        def late(ticks: int) -> Task:
+            return _with(task, DELAY, ticks / rate)
 
-        sound = holds(now)
-        low, high = (now, 2 * now + 1) if sound else (0, now)
-        while sound and self._small(_with(task, DELAY, high / rate)) and holds(high):
-            low, high = high, 2 * high
-        if not (self._small(_with(task, DELAY, high / rate)) and (sound or holds(0))):
+        def holds(ticks: int) -> bool:
+            return self._holds(late(ticks))
+
+        if not self._small(task):
+            return None
+        if holds(now):
+            low, high = now, 2 * now + 1
+            while high > low + 1 and not self._small(late(high)):
+                high -= 1
+            if holds(high):
+                return None  # It is too far off to matter.
+        elif holds(0):
+            low, high = 0, now
+        else:
             return None
         while high - low > 1:
             middle = (low + high) // 2

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws.gains import DEAD_BAND
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.passage import Instant
@@ -294,6 +295,7 @@ def analyse(stage: CompiledStage) -> SampledStage | None:
     What is analysed is the closed form, which limits and saturation do not change while none of
     them binds.
     """
+    stage = _outside_dead_bands(stage)
     plan = stage.plan
     context, rotation = plan.context, plan.rotation
     at = Operating(context, stage)
@@ -329,6 +331,19 @@ def analyse(stage: CompiledStage) -> SampledStage | None:
         sliding=sliding,
         turns=turns,
     )
+
+
+def _outside_dead_bands(stage: CompiledStage) -> CompiledStage:
+    """A stage that a force error moves however small it is: within a dead band nothing would ring.
+
+    What swings beyond a dead band sees the loop as it is, less what the band takes.
+    """
+    gains = stage.plan.gains
+    bands = gains.get(DEAD_BAND.name)
+    if not bands:
+        return stage
+    none = {axis: replace(band, value=0.0) for axis, band in bands.items()}
+    return replace(stage, plan=stage.plan.but(gains=gains | {DEAD_BAND.name: none}))
 
 
 def _at_contact(context: Context, pressed: Mapping[str, float]) -> Context:

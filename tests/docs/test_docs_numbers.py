@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import math
 import re
 from dataclasses import replace
 
@@ -28,6 +29,7 @@ from taskspec.expression import Expression, parse
 from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.laws import LAWS
 from taskspec.laws.gains import AxisPlant
+from taskspec.laws.servo_loop import Contact, ServoLoop
 from taskspec.modes import DEFAULT_RAMP, MOVE_SPEED
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.motion.profile import RISE_TIME
@@ -104,10 +106,11 @@ AXES = {
     "force": AxisEntry(force=Expression("", parse("1 N", "sum"), FORCE)),
     "soft": AxisEntry(hold="start", damping=None, stiffness=800.0),
 }
+SERVO = ServoLoop(w=2 * math.pi * 20.0, ratio=1.0, delay=6e-3)
 PLANTS = (
-    AxisPlant(h=3.0, held=8.0, k=20e3, period=1e-3),
-    AxisPlant(h=0.4, held=0.7, k=1e3, period=1e-3),
-    AxisPlant(h=1.5, held=2.0, k=2e5, period=4e-3),
+    AxisPlant(h=3.0, held=8.0, k=20e3, period=1e-3, servo=SERVO),
+    AxisPlant(h=0.4, held=0.7, k=1e3, period=1e-3, servo=SERVO),
+    AxisPlant(h=1.5, held=2.0, k=2e5, period=4e-3, servo=SERVO),
 )
 
 
@@ -115,13 +118,14 @@ PLANTS = (
 @pytest.mark.parametrize("law", LAWS)
 def test_designed_gains_follow_the_documented_rules(law, plant):
     known = {"h": plant.h, "L": plant.held, "k": plant.k, "T": plant.period}
+    known["D_0"] = SERVO.least_damping(Contact(plant.h, plant.k), lag=5e-3)
     rules: dict[tuple[str, str], str] = {}
     for row in table(LANGUAGE, "table: designed"):
         if law in words(row[0]):
             rules[row[1], words(row[2])[0]] = words(row[3])[0]
     assert rules
     for mode in AXES:
-        if mode == "soft" and law != "hybrid":
+        if mode == "soft" and not LAWS[law].soft_axes:
             continue
         own = {gain: rule for (kind, gain), rule in rules.items() if kind == mode}
         inherited = {gain: rule for (kind, gain), rule in rules.items() if kind == "motion"}
@@ -145,8 +149,9 @@ def test_designed_gains_follow_the_documented_rules(law, plant):
         # `mass` of the laws at the arm's own inertia is no gain of theirs; K_P and K_D follow.
         designed = (
             set(gains)
-            - {"K_P", "K_D"}
+            - {"K_P", "K_D", "K_V"}
             - ({"mass"} if "mass" not in LAWS[law].gain_names else set())
+            - ({"stiffness"} if mode == "force" and LAWS[law].selects else set())  # It is 0.
         )
         assert designed - ({"stiffness"} if mode == "soft" else set()) == set(own), mode
 

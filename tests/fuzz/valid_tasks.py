@@ -276,9 +276,12 @@ def tasks(draw: st.DrawFn) -> str:
     if draw(st.booleans()):
         world += [f"mount: {draw(_BUSHING)}", f"turned: {draw(_TURNED)}"]
     included = draw(st.booleans())
+    robot = draw(_ROBOT)
+    if law in LAWS and LAWS[law].commands == "velocity":
+        robot = robot.replace("{", f"{{command: {draw(_one('velocity', 'position'))}, ", 1)
     lines = [
         "taskspec: 1",
-        f"robot: {draw(_ROBOT)}",
+        f"robot: {robot}",
         f"params: {{press: {draw(_number(1, 40, 'N'))}, reach: {draw(_number(1, 50, 'mm'))}}}",
         f"world: {{{', '.join(world)}}}",
         f"frames: {{task: {draw(_FRAME)}}}" if draw(st.booleans()) else "frames: {}",

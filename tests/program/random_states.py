@@ -8,6 +8,7 @@ import numpy as np
 
 from taskspec.compiler import compile_unchecked
 from taskspec.control.qp import QuadraticProgram
+from taskspec.laws import LAWS
 from taskspec.program.ports import fields, slices
 from taskspec.program.program import Program
 from taskspec.spec import load_text
@@ -26,11 +27,13 @@ def press_text(robot: str, law: str, solver: str = "daqp", limits: str = "", **e
     start, normal, at, turned, sign = STARTS[robot]
     friction = extra.get("friction", "0.2")
     ways = extra.get("ways", f"{normal}: {{force: {sign * 20} N}}, y: {{velocity: 30 mm/s}}")
-    rate = ", torque_rate: 1000 N*m/s" if solver else ""
+    velocities = LAWS[law].commands == "velocity"
+    rate = ", torque_rate: 1000 N*m/s" if solver and not velocities else ""
+    arm = f"model: {robot}, command: velocity" if velocities else f"model: {robot}"
     return f"""\
 taskspec: 1
 name: press
-robot: {{model: {robot}, start: {{xyz: {start}}}}}
+robot: {{{arm}, start: {{xyz: {start}}}}}
 world:
   table: {{shape: plane, xyz: {at}, rpy: {turned}, stiffness: 10 kN/m, friction: {friction}}}
 law: {{kind: {law}{f", solve: qp, solver: {solver}" if solver else ""}}}
@@ -83,7 +86,7 @@ class States:
         """Random torques of the tick before, near those of this one."""
         last = self.torque + self.rng.uniform(-1, 1, self.n) * rate
         if "last_torque" in self.stage.parameters:
-            self.solver.remember(last)
+            self.runner.remember(last, last)
             self.evaluate()
 
     def evaluate(self) -> None:
@@ -137,7 +140,7 @@ class States:
         solver = self.solver
         solver._x[:], solver._dual[:] = x, dual
         # The answer itself is looked at, before a solver's tolerance is cut off at the rate.
-        *_, step = solver.accept.arguments
-        step[:] = np.inf
+        *_, most, step = solver.accept.arguments
+        most[:], step[:] = np.inf, np.inf
         solver.accept.evaluate()
         return solver.accepted.copy(), float(solver.residual[0])

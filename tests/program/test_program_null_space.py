@@ -26,7 +26,8 @@ GOALS = (
     "manipulability",
     "[posture, joint-limits, manipulability]",
 )
-HOLDING = [law for law, facts in LAWS.items() if facts.holds_null_space]
+#: Goals are accelerations under laws of torques; laws of velocities have rates there.
+HOLDING = [k for k, law in LAWS.items() if law.holds_null_space and law.commands == "torque"]
 STATES = 400
 N = 7
 

@@ -58,7 +58,7 @@ def test_of_two_neighbours_the_weaker_is_widened_by_what_is_missing(stronger, we
 def test_a_limit_that_collides_with_nothing_is_left_as_it_is():
     """Only speed is in the way here, though it is the torque that it collides with."""
     problem, kinds = collide(
-        ("torque", 2.0, 3.0), ("joint", 0.0, 4.0), ("force", 1.0, 5.0), ("speed", -1.0, 1.0)
+        ("command", 2.0, 3.0), ("joint", 0.0, 4.0), ("force", 1.0, 5.0), ("speed", -1.0, 1.0)
     )
     assert relax(problem, kinds)
     np.testing.assert_allclose(problem.lower, [2.0, 0.0, 1.0, -2.0], atol=SPARE)
@@ -68,7 +68,7 @@ def test_a_limit_that_collides_with_nothing_is_left_as_it_is():
 def test_each_limit_gives_way_to_all_before_it():
     """All four collide: joints give way to torque, force to both, speed to all three."""
     problem, kinds = collide(
-        ("speed", -9.0, -8.0), ("force", -5.0, -4.0), ("joint", 0.0, 1.0), ("torque", 2.0, 3.0)
+        ("speed", -9.0, -8.0), ("force", -5.0, -4.0), ("joint", 0.0, 1.0), ("command", 2.0, 3.0)
     )
     assert relax(problem, kinds)
     np.testing.assert_allclose(problem.upper, [2.0, 2.0, 2.0, 3.0], atol=SPARE)
@@ -76,7 +76,7 @@ def test_each_limit_gives_way_to_all_before_it():
 
 def test_nothing_gives_way_to_torque_limits_that_contradict_each_other():
     """There is no answer, and no bound has been touched to get one."""
-    problem, kinds = collide(("torque", 2.0, 3.0), ("torque", -1.0, 0.0), ("joint", 0.0, 1.0))
+    problem, kinds = collide(("command", 2.0, 3.0), ("command", -1.0, 0.0), ("joint", 0.0, 1.0))
     assert not relax(problem, kinds)
     np.testing.assert_array_equal(problem.lower, [2.0, -1.0, 0.0])
 
@@ -93,7 +93,7 @@ def solved(states: States, last=None) -> np.ndarray:
     states.machine.update_terms()
     if last is not None:
         states.machine.torque[:] = last
-    states.solver.remember(states.torque)
+    states.runner.remember(states.torque, states.torque)
     states.evaluate()
     assert states.solver.resolve()
     return states.torque.copy()
@@ -132,7 +132,7 @@ def widened(states: States) -> dict[str, float]:
     Asserts that the rows hold as they are then.
     """
     states.machine.update_terms()
-    states.solver.remember(states.torque)
+    states.runner.remember(states.torque, states.torque)
     states.evaluate()
     problem, counts = states.solver._problem, states.solver.counts
     low, high, collisions = problem.lower.copy(), problem.upper.copy(), counts.relaxed
@@ -176,7 +176,7 @@ def test_torque_beats_a_joint_limit_and_both_beat_a_force_cap():
     states.machine.v[3] = -0.6
     states.machine.wrench[2] = 4.8
     found = widened(states)
-    assert found["torque"] == 0.0
+    assert found["command"] == 0.0
     assert 1 < found["joint"] < 10
     assert found["force"] > 100
 
@@ -201,7 +201,7 @@ def test_a_joint_limit_beats_a_force_cap():
         if states.solver.counts.relaxed == before:
             continue
         found = widened(states)
-        assert found["torque"] == 0.0
+        assert found["command"] == 0.0
         if found["joint"] <= SPARE:
             collisions += 1
             assert found["force"] > SPARE
@@ -218,7 +218,7 @@ def test_a_force_cap_beats_a_limit_on_speed():
     states.machine.v[:] = np.linalg.solve(states.context.start_jacobian[:2], [0.045, 0.0])
     states.machine.wrench[0] = -9.6
     found = widened(states)
-    assert found["torque"] == 0.0
+    assert found["command"] == 0.0
     assert found["joint"] <= SPARE
     assert found["force"] <= SPARE
     assert found["speed"] > 5

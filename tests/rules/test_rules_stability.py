@@ -222,7 +222,8 @@ def test_the_axis_of_a_repeated_pole_does_not_depend_on_its_eigenvectors():
 @pytest.mark.parametrize("law", LAWS)
 def test_a_stage_under_other_gains_is_that_stage_compiled_with_them(law):
     """One compiled tick serves for all values of a gain, to rounding."""
-    text = PRESS.format(robot="", contact=SOFT, law=law, rest="")
+    takes = f", command: {LAWS[law].commands}"
+    text = PRESS.format(robot=takes, contact=SOFT, law=law, rest="")
     plan = StagePlan(prepare(load_text(text, "t")), "press")
     seen, moved = analyse(compile_stage(plan)), set()
     for what, by_axis in plan.gains.items():

@@ -58,17 +58,26 @@ def moving(stage: str, expect: str = "max(norm(force)) < 90 N") -> dict[str, str
     return {"STAGES": stage, "EXPECT": expect}
 
 
+def under(law: str, robot: str = PANDA) -> dict[str, str]:
+    """A law on an arm that takes what it commands."""
+    return {"LAW": law, "ROBOT": f"{robot}, command: {LAWS[law].commands}"}
+
+
 MULTIPLIERS = [law for law in LAWS if LAWS[law].multipliers]
 
 
 @pytest.mark.parametrize(
     "changes",
     [
-        *({"LAW": law} for law in LAWS if law != "stiffness"),
+        *(under(law) for law in LAWS if law != "stiffness"),
         # Under it the arm has to be balanced by its hardware.
         {"LAW": "stiffness", "ROBOT": f"{PANDA}, balanced: true"},
-        *({"LAW": law, "ROBOT": UR5E} for law in LAWS if LAWS[law].force_loop),
-        *({"LAW": f"{{kind: {law}, solve: qp}}"} for law in LAWS if LAWS[law].force_loop),
+        *(under(law, UR5E) for law in LAWS if LAWS[law].force_loop),
+        *(
+            {**under(law), "LAW": f"{{kind: {law}, solve: qp}}"}
+            for law in LAWS
+            if LAWS[law].force_loop
+        ),
         {"TABLE": "stiffness: rigid"},
         {"TABLE": "stiffness: 1 kN/m"},
         {"TABLE": "motion: {z: 2 mm * sin(2*pi*clock*1 Hz)}"},
@@ -114,6 +123,7 @@ def test_presses(changes: dict[str, str]) -> None:
     ],
 )
 def test_equations(law: str, model: str, start: str, equation: str, wanted: str, axes: str) -> None:
+    model = f"{model}, command: {LAWS[law].commands}"
     changes = {"MODEL": model, "START": start, "EQUATION": equation, "WANTED": wanted}
     assert errors(RAIL, {**changes, "AXES": axes, "LAW": law}) == []
 

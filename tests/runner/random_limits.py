@@ -23,6 +23,8 @@ from taskspec_runner.loop.assembly import assemble
 
 Vector = NDArray[np.float64]
 
+#: Torques are limited under laws that command them.
+_LAWS = tuple(kind for kind, facts in LAWS.items() if facts.commands == "torque")
 _SPATIAL, _PLANAR = ("panda", "ur5e"), ("planar3", "planar2")
 _HOME = {
     "panda": (0.0, -0.1, 0.0, -2.28, 0.0, 2.17, 0.785),
@@ -74,7 +76,7 @@ class Writer:
     def _contact(self, family: str) -> str:
         planar = family != "corner" and self.chance(0.3)
         self.robot = self.one_of(_PLANAR if planar else _SPATIAL)
-        law = self.one_of(tuple(LAWS))
+        law = self.one_of(_LAWS)
         normal, sign = ("x", 1) if planar else ("z", -1)
         k, friction = self.spread(1, 100), self.between(0, 0.5) if self.chance(0.7) else 0.0
         cap = self.spread(10, 80)
@@ -173,7 +175,7 @@ class Writer:
             away = self.spread(0.005, 0.2)
             q[joint] = low[joint] + away if self.chance(0.5) else high[joint] - away
         start = "joints: [" + ", ".join(f"{math.degrees(x):.4f} deg" for x in q) + "]"
-        law = self.one_of(tuple(kind for kind, facts in LAWS.items() if not facts.bare))
+        law = self.one_of(tuple(kind for kind in _LAWS if not LAWS[kind].bare))
         axes = ("x", "y", "z") if self.robot in _SPATIAL else ("x", "y")
         ways = [self._free(axis) for axis in axes if self.chance(0.7)]
         time = self.between(0.3, 0.6)

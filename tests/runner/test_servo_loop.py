@@ -1,8 +1,4 @@
-"""Both loops on an arm with a servo, its log, and how it is brought to rest.
-
-What commands the joints here is a soft law for torques: taken for rad/s, J^T K e turns the arm
-towards its references, and taken for rad it sends the arm to somewhere near its zero.
-"""
+"""Both loops on an arm with a servo, its log, and how it is brought to rest."""
 
 from __future__ import annotations
 
@@ -21,7 +17,7 @@ from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.record.log import Log
 
-SOFT = "law: {kind: stiffness, stiffness: {linear: 2 N/m, angular: 0.5 N*m/rad}}\n"
+LAW = "law: force-velocity\n"
 TASKS = {
     "velocities, a payload, a wrist sensor, a loose body": (
         "robot: {model: panda, balanced: true, start: {xyz: [500 mm, 0, 330 mm]}, command: "
@@ -31,20 +27,20 @@ TASKS = {
         "world: {floor: {shape: plane, xyz: [0, 0, 320 mm], stiffness: 5 kN/m}, lid: {shape: box, "
         "size: [40 mm, 40 mm, 40 mm], xyz: [700 mm, 200 mm, 360 mm], free: true, mass: 2 kg}}\n"
         "truth: {robot.payload: {mass: 100 g}}\n"
-        f"{SOFT}stages: {{down: {{axes: {{z: {{move: -15 mm}}}}, time: 0.6 s}}}}\n"
+        f"{LAW}stages: {{down: {{axes: {{z: {{move: -15 mm}}}}, time: 0.6 s}}}}\n"
     ),
     "positions, stiff drives": (
         "robot: {model: planar2, start: {joints: [20 deg, 40 deg]}, command: position, "
         "servo: {velocity: 1 rad/s, stiffness: 500 N*m/rad, damping: 0.8}}\n"
         "control: {rate: 250 Hz}\n"
-        f"{SOFT}stages: {{down: {{axes: {{y: {{move: -15 mm}}}}, time: 0.2 s}}}}\n"
+        f"{LAW}stages: {{down: {{axes: {{y: {{move: -15 mm}}}}, time: 0.2 s}}}}\n"
     ),
     "velocities on a rigid constraint": (
         "robot: {model: panda, balanced: true, start: {xyz: [540 mm, 0, 350 mm]}, command: "
         "velocity, servo: {bandwidth: 30 Hz}}\n"
         "frames: {rail: {xyz: [450 mm, 0, 350 mm]}}\n"
         'world: {rim: {equation: "x^2 + y^2 = (90 mm)^2", frame: rail, stiffness: exact}}\n'
-        f"{SOFT}stages: {{up: {{axes: {{z: {{move: 5 mm}}}}, time: 0.2 s}}}}\n"
+        f"{LAW}stages: {{up: {{axes: {{z: {{move: 5 mm}}}}, time: 0.2 s}}}}\n"
     ),
     "positions at their limits, an equation, two stages": (
         "robot: {model: panda, start: {xyz: [540 mm, 0, 350 mm]}, command: position, servo: "

@@ -10,6 +10,7 @@ import pytest
 
 from taskspec.examination import examine
 from taskspec.laws.admittance import beyond
+from taskspec.laws.case import Case
 from taskspec.laws.gains import Gain
 from taskspec.program import drives
 from taskspec.spec import load_text
@@ -94,6 +95,22 @@ def test_a_command_that_is_not_carried_jumps(simulate):
         step, shock = jumps("not carried")
     assert step > 10 * fading * period
     assert shock > 10.0
+
+
+def test_a_memory_that_goes_on_at_a_limit_keeps_the_arm_there(simulate):
+    def leaves(name: str) -> float:
+        """When joint 6 is a degree off its limit for good, after the push has turned [s]."""
+        run = simulate(text("windup") + f"# {name}\n")
+        q, clock = np.degrees(run["joint.6.position"]), run["clock"]
+        assert 359 < q.max() < 360
+        return float(clock[np.flatnonzero(q > 359)[-1]]) - 1.5
+
+    mass_by_damping = 1.0
+    assert leaves("as it is") < 0.25 * mass_by_damping
+    with patch.object(Case, "kept", lambda *given: given[-1]):
+        assert leaves("memory goes on") > np.log(2) * mass_by_damping
+    stopped = simulate(text("windup"), {"law.solve": "closed-form"})
+    assert stopped.outcome.reason == "joint_position"
 
 
 def test_an_oscillation_begins_as_the_delay_grows(simulate):

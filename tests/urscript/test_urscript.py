@@ -269,6 +269,24 @@ def test_a_part_that_does_not_map_is_refused_at_its_place(stages, place, reason)
     assert reason in found
 
 
+_SERVO = (
+    _HEAD.replace("{model: ur5e,", "{model: ur5e, command: velocity,")
+    .replace("{max: 40 N, then: away}", "40 N")
+    .replace("stages:\n", "law: admittance\nstages:\n")
+)
+
+
+def test_of_an_arm_that_takes_velocities_its_servo_is_lost_and_a_soft_axis_is_no_servoj():
+    press = "  a: {axes: {z: {force: -5 N}}, time: 1 s}\n"
+    script = script_of(plan_task(load_text(_SERVO + press, "made.yaml")))
+    said = [loss.text for loss in script.all_losses]
+    assert any(text.startswith("the joint velocities and their servo") for text in said), said
+    assert any(text.startswith("the force loop of the admittance law on z") for text in said)
+    soft = "  a: {axes: {z: {move: -60 mm, stiffness: 500 N/m}}, time: 1 s}\n"
+    with pytest.raises(NotMappedError, match="spring of the admittance law presses on 'table'"):
+        script_of(plan_task(load_text(_SERVO + soft, "made.yaml")))
+
+
 # The command
 
 

@@ -55,6 +55,9 @@ def compare_laws(file: Path, given: CompareOptions) -> int:
         check_unlocked(out)
         check_comparison(out)
     attempts = [attempt(law, functools.partial(_loaded, file, sets, given.equal)) for law in names]
+    if given.law is None:
+        # Of all laws those that command what the robot takes.
+        attempts = [a for a in attempts if a.law == AS_WRITTEN or not _unfit(a)]
     as_data = given.form is RunFormat.JSON
     if everywhere := _everywhere(attempts):
         # The file is wrong whatever the law, so there is nothing to say of the laws.
@@ -107,6 +110,11 @@ def _loaded(file: Path, sets: Sequence[str], equal: Equal | None, law: str) -> L
     if law == AS_WRITTEN:
         return load(file, sets)
     return load(file, sets, law, equal_bandwidth(law) if equal is Equal.BANDWIDTH else None)
+
+
+def _unfit(attempt: Attempt) -> bool:
+    """Whether a law commands what the robot does not take."""
+    return any(d.code == "TS140" for d in attempt.errors)
 
 
 def _everywhere(attempts: Sequence[Attempt]) -> list[Diagnostic]:

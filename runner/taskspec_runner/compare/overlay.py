@@ -122,8 +122,8 @@ def overlay_data(
 
 
 def role(law: str) -> str:
-    """The colour of a law; it has the same in every picture."""
-    names = list(LAWS)
+    """The colour of a law; it has the same in every picture, in which all command the same."""
+    names = [each for each in LAWS if law in LAWS and LAWS[each].commands == LAWS[law].commands]
     if law == AS_WRITTEN:
         return "ink"
     if law in RUN_ROLES:

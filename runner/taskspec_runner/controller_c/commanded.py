@@ -9,7 +9,7 @@ from taskspec.text.units import FORCE, LENGTH, VELOCITY, Dimension
 
 
 @dataclass(frozen=True, slots=True)
-class Commanded:
+class CommandedQuantity:
     """The quantity that is commanded.
 
     Attributes:
@@ -37,7 +37,7 @@ class Commanded:
         return PLURALS[self.name]
 
     @classmethod
-    def of(cls, program: Program) -> Commanded:
+    def of(cls, program: Program) -> CommandedQuantity:
         """What a program commands."""
         dimension = {"torque": FORCE, "velocity": VELOCITY, "position": LENGTH}
         name = program.context.drives.commands

@@ -20,7 +20,7 @@ from xml.etree.ElementTree import Element, SubElement
 from taskspec.deferred_methods import dataclass
 from taskspec.native.kernel_c import number
 from taskspec.program.program import Program
-from taskspec_runner.controller_c.commanded import Commanded
+from taskspec_runner.controller_c.commanded import CommandedQuantity
 from taskspec_runner.controller_c.source import Controller, controller_of, filled
 from taskspec_runner.controller_c.states import BEARS, STATES
 
@@ -167,7 +167,7 @@ def fmu_of(program: Program, fmi: int = 3) -> Fmu:
         "NAME": controller.name,
         "UPPER": controller.name.upper(),
         "TITLE": program.context.loaded.task.name,
-        "COMMAND": Commanded.of(program).name,
+        "COMMAND": CommandedQuantity.of(program).name,
         "VERSION": version("taskspec-robotics"),
         "PERIOD": number(program.context.period),
         "INPUTS": str(sum(v.causality == "input" for v in variables)),
@@ -215,7 +215,7 @@ def _variables(program: Program, controller: Controller) -> list[FmuVariable]:
         found.append(
             FmuVariable(f"reaction.{_written(name, i)}", "Float64", "input", text, "0.0", unit)
         )
-    commanded = Commanded.of(program)
+    commanded = CommandedQuantity.of(program)
     units = {"torque": ("N.m", "N"), "velocity": ("rad/s", "m/s"), "position": ("rad", "m")}
     said = f"commanded {commanded.name}, {commanded.of_joint},"
     group = output_group(commanded.name).removesuffix(".")
@@ -335,7 +335,7 @@ def _description_2(
 
 def _root(program: Program, facts: dict[str, str]) -> Element:
     name, tool = program.context.loaded.task.name, f"taskspec {version('taskspec-robotics')}"
-    plural = Commanded.of(program).plural
+    plural = CommandedQuantity.of(program).plural
     text = f"The controller of the task {name}: joint {plural}, a period after each sample"
     facts = facts | {"modelName": name, "description": text, "generationTool": tool}
     return Element("fmiModelDescription", facts | {"variableNamingConvention": "structured"})

@@ -21,7 +21,7 @@ from taskspec.text.units import (
     VELOCITY,
     si_unit,
 )
-from taskspec_runner.controller_c.commanded import Commanded
+from taskspec_runner.controller_c.commanded import CommandedQuantity
 
 _WIDTH = 96
 
@@ -33,7 +33,7 @@ def header_facts(program: Program, machine: Machine) -> dict[str, str]:
     length = task.robot.tool.length
     away = "" if length is None else f", {length:g} m from it along its z"
     flange = f", flange {robot.flange!r}" if robot.flange else ""
-    commanded = Commanded.of(program)
+    commanded = CommandedQuantity.of(program)
     return {
         "ROBOT": _comment(
             [
@@ -81,7 +81,7 @@ def _joints(program: Program, machine: Machine) -> list[str]:
     """The table of the joints."""
     context = program.context
     robot, drives = context.robot, context.drives
-    commanded = Commanded.of(program)
+    commanded = CommandedQuantity.of(program)
     rates = np.min([runner.stage.plan.torque_rates for runner in machine.runners], axis=0)
     # Positions are limited by how fast they change.
     limited, dimension, rate = "velocity", VELOCITY, "acceleration"

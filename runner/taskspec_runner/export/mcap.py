@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES
+from taskspec.spec.servo import COMMANDS
 from taskspec_runner.export.cdr import MessageForm, stamps
 from taskspec_runner.export.chunks import ChannelColumn, ChunkedFile
 from taskspec_runner.export.foxglove import foxglove_layout
@@ -26,6 +27,8 @@ from taskspec_runner.record.history import History, history_of
 from taskspec_runner.record.names import SUMMARY, TASK
 
 JOINT_STATES, WRENCH, WRENCH_MEASURED = "/joint_states", "/wrench", "/wrench_measured"
+#: What an arm is commanded that takes no torques, with positions or velocities alone.
+JOINT_COMMANDS = "/joint_commands"
 STAGE_ENTERED, TOOL_POSE, FRAME_POSE, TRANSFORMS = "/stage", "/tool", "/task_frame", "/tf"
 DESCRIPTION, FIXED, OBJECTS, FORCES = "/robot_description", "/tf_static", "/world", "/forces"
 #: Topic to message.
@@ -106,6 +109,9 @@ class _Encoder:
         if len(names) != self._joints:
             names = [f"joint{i + 1}" for i in range(self._joints)]
         self._joint_state = _joint_state(names)
+        commands = (k for k in COMMANDS if f"joint.1.{k}.command" in log.units)
+        self._commanded = next(commands, "")
+        self._joint_command = _joint_state(names, self._commanded)
         self._wrench = MessageForm().header(CONTROL_POINT).numbers(6)
         self._pose = MessageForm().header(WORLD).numbers(7)
         self._scene, self._robot = log.scene, log.run.robot or "robot"
@@ -117,6 +123,7 @@ class _Encoder:
         schemas: dict[str, int] = {}
         channels: dict[str, int] = {}
         topics = {t: m for t, m in TOPICS.items() if self._joints or t != JOINT_STATES}
+        topics |= {JOINT_COMMANDS: TOPICS[JOINT_STATES]} if self._commanded else {}
         topics |= POSES if self._poses is not None or self._scene is not None else {}
         topics |= SCENE if self._scene is not None else {}
         for topic, message in topics.items():
@@ -140,6 +147,7 @@ class _Encoder:
         if self._poses is not None:
             poses = dict(zip((TOOL, TASK_FRAME, CONTROL_POINT), self._poses.add(rows), strict=True))
         joints = self._joint_values(rows) if self._joints else []
+        commands = self._of_joints(rows, f"{self._commanded}.command")
         wrenches = {WRENCH: _wrench(rows, ""), WRENCH_MEASURED: _wrench(rows, ".measured")}
         names = self._signals.columns.values()
         values = np.column_stack([rows.columns[name] for name in names])
@@ -165,6 +173,9 @@ class _Encoder:
                 columns.insert(
                     0, ChannelColumn(self._channels[JOINT_STATES], self._joint_state, slots)
                 )
+            if self._commanded:
+                channel, told = self._channels[JOINT_COMMANDS], commands[part]
+                columns.append(ChannelColumn(channel, self._joint_command, (now, told)))
             columns += self._posed({name: poses[name].rows(part) for name in known}, now)
             self._file.add(times[part], columns)
 
@@ -203,13 +214,15 @@ class _Encoder:
         self._file.add(time, columns)
 
     def _joint_values(self, rows: History) -> list[NDArray[np.float64]]:
+        return [self._of_joints(rows, kind) for kind in ("position", "velocity", "torque")]
+
+    def _of_joints(self, rows: History, kind: str) -> NDArray[np.float64]:
+        """(n, joints) of a signal of joints."""
         # Of a log from elsewhere some may be missing.
         none = np.full(len(rows), np.nan)
         names = range(1, self._joints + 1)
-        return [
-            np.column_stack([rows.columns.get(f"joint.{i}.{k}", none) for i in names])
-            for k in ("position", "velocity", "torque")
-        ]
+        found = [rows.columns.get(f"joint.{i}.{kind}", none) for i in names]
+        return np.column_stack(found or [np.zeros((len(rows), 0))])
 
     def _posed(
         self, poses: dict[str, NDArray[np.float64]], now: NDArray[np.uint32]
@@ -246,12 +259,16 @@ def _parts(
         yield slice(first, after), names
 
 
-def _joint_state(names: list[str]) -> MessageForm:
+def _joint_state(names: list[str], only: str = "") -> MessageForm:
+    """States of joints, or one of their three arrays alone: the others are empty then."""
     layout = MessageForm().header("").count(len(names))
     for name in names:
         layout.text(name)
-    for _ in ("position", "velocity", "effort"):
-        layout.count(len(names)).numbers(len(names))
+    for kind in ("position", "velocity", "effort"):
+        if only in ("", kind):
+            layout.count(len(names)).numbers(len(names))
+        else:
+            layout.count(0)
     return layout
 
 

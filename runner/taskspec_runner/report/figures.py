@@ -10,6 +10,7 @@ import numpy as np
 
 from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS
 from taskspec.signals import SCALARS
+from taskspec.spec.servo import POSITION, TORQUE, VELOCITY
 from taskspec.text.units import LENGTH
 from taskspec_runner.pages.chart import (
     Chart,
@@ -66,6 +67,7 @@ def sections(run: Run) -> tuple[Section, ...]:
     motion.add(_errors(run, ANGULAR, "Orientation error"))
     for chart in _on_joints(run):
         motion.add(chart)
+    arm.add(_joint_commands(run))
     arm.add(_joint_torques(run))
     arm.add(_joint_positions(run))
     arm.add(_power(run))
@@ -301,11 +303,64 @@ def _tracked(run: Run, names: Sequence[str]) -> list[Drawn]:
 
 def _joint_torques(run: Run) -> Chart | None:
     """Torques as shares of their limits, where they have any."""
-    limits = run.summary.get("joint_limits")
+    of = "Joint torques" if commanded(run) == "torque" else "Torques that the servo exerts"
+    bounds = _limits(run, "joint_limits")
+    return _joints(run, "torque", bounds, f"{of}, share of their limits", _HIGHEST)
+
+
+def commanded(run: Run) -> str:
+    """What the joints of a run's arm were commanded: `torque`, `velocity` or `position`."""
+    named = (kind for kind in (VELOCITY, POSITION) if f"joint.1.{kind}.command" in run.columns)
+    return next(named, TORQUE)
+
+
+def _joint_commands(run: Run) -> Chart | None:
+    """What an arm is commanded that takes no torques: velocities, or how far ahead positions are.
+
+    Such a position is ahead of its joint by what the servo is late, and gives way under load.
+    """
+    kind = commanded(run)
+    if kind == TORQUE:
+        return None
+    names = [n for n in run.columns if n.startswith("joint.") and n.endswith(f".{kind}.command")]
+    if kind == VELOCITY:
+        return _joint_velocities(run, names)
+    ahead = [run.columns[n] - run.columns[n.removesuffix(".command")] for n in names]
+    units = {run.units[n] for n in names}
+    if len(units) > 1:
+        lines = [Drawn(n, f"j{i % 7}", n.split(".")[1]) for i, n in enumerate(names)]
+        return of_signals(run, "joint commands", "Commanded joint positions", lines, places=True)
+    factor, unit = scale(units.pop(), size(ahead))
+    traces = tuple(
+        Trace(f"J{n.split('.')[1]}", values * factor, f"j{i % 7}", "line", n, True)
+        for i, (n, values) in enumerate(zip(names, ahead, strict=True))
+    )
+    title, note = "Commanded joint positions, ahead of the joints", "commanded − measured"
+    return Chart("joint commands", title, unit, traces, note, always=(0.0,))
+
+
+def _joint_velocities(run: Run, names: Sequence[str]) -> Chart | None:
+    """Velocities that are commanded, of which the limits are far away as a rule."""
+    labels = [f"J{n.split('.')[1]}" for n in names]
+    lines = [
+        Drawn(n, f"j{i % 7}", label) for i, (n, label) in enumerate(zip(names, labels, strict=True))
+    ]
+    limits = zip(labels, names, _limits(run, "command_limits"), strict=False)
+    shares = [(size([run.columns[n]]) / most[1], label) for label, n, most in limits if most]
+    said = _HIGHEST.format(max(shares)[1], figure(100 * max(shares)[0])) if shares else ""
+    return of_signals(
+        run, "joint commands", "Commanded joint velocities", lines, said, always=(0.0,)
+    )
+
+
+_HIGHEST = "highest: {} at {} % of its limit"
+
+
+def _limits(run: Run, key: str) -> list[tuple[float, float] | None]:
+    """Middle and half width of what joints can do either way, from a run's summary."""
+    limits = run.summary.get(key)
     known = limits if isinstance(limits, list) else []
-    bounds = [(0.0, v) if isinstance(v, int | float) and 0 < v < np.inf else None for v in known]
-    note = "highest: {} at {} % of its limit"
-    return _joints(run, "torque", bounds, "Joint torques, share of their limits", note)
+    return [(0.0, v) if isinstance(v, int | float) and 0 < v < np.inf else None for v in known]
 
 
 def _joint_positions(run: Run) -> Chart | None:

@@ -11,6 +11,7 @@ from typing import Any
 from markupsafe import Markup
 
 from taskspec.program.execution.transition import FAIL
+from taskspec.spec.servo import PLURALS, TORQUE
 from taskspec_runner.link.link import sentence
 from taskspec_runner.pages.chart import Chart, Section
 from taskspec_runner.pages.document import (
@@ -344,6 +345,8 @@ def _facts(run: Run) -> Iterator[tuple[str, str]]:
     seed = run.manifest.get("seed", run.summary.get("seed"))
     yield "Robot", run.robot
     yield "Law", law
+    if (command := figures.commanded(run)) != TORQUE:
+        yield "Commanded", f"joint {PLURALS[command]}"
     yield "World", ", ".join(map(_text, objects)) if isinstance(objects, list) else ""
     yield "Duration", f"{run.end if duration is None else duration:.3f} s"
     yield "Control rate", f"{digits(1 / period, 4)} Hz" if period else ""

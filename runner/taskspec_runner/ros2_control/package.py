@@ -22,7 +22,7 @@ from taskspec.program.program import Program
 from taskspec.robot import RobotModel
 from taskspec.robot.rigid_body import rigid_body
 from taskspec.spec import Robot
-from taskspec_runner.controller_c.commanded import Commanded
+from taskspec_runner.controller_c.commanded import CommandedQuantity
 from taskspec_runner.controller_c.source import Controller, controller_of, filled
 from taskspec_runner.controller_c.states import BEARS, STATES
 from taskspec_runner.export.robot_description import robot_description
@@ -175,7 +175,7 @@ def _parts(
 
 def _commanded(program: Program) -> dict[str, str]:
     """What is said of the commands."""
-    commanded, servo = Commanded.of(program), program.context.loaded.task.robot.servo
+    commanded, servo = CommandedQuantity.of(program), program.context.loaded.task.robot.servo
     torques, interface = commanded.name == "torque", interface_of(commanded.name)
     units = {
         "torque": "N m, of a slide N",

@@ -10,6 +10,7 @@ from taskspec.expression.tree import Held, Name, walk
 from taskspec.modes import FollowsAxes, Move, OnPath, Position
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.spec import FILE, KeyPath, Law, LoadedTask, Sensor
+from taskspec.spec.servo import PLURALS
 from taskspec.text.units import FREQUENCY, show
 from taskspec_runner.urscript.refusals import UNIVERSAL_ROBOTS
 from taskspec_runner.urscript.script import Loss
@@ -50,6 +51,9 @@ def _of_task(plan: TaskPlan) -> Iterator[tuple[KeyPath, str]]:
     else:
         text = "ends by limits of joints and near singular postures: the robot stops by its own"
         yield FILE.robot.model, text
+    if not robot.takes_torques:
+        text = f"the joint {PLURALS[robot.command]} and their servo: the robot's own follow servoj"
+        yield FILE.robot.command, f"{text} and force_mode"
     own = [key for key in _OF_SENSOR if getattr(robot.sensor, key) != getattr(Sensor(), key)]
     if own:
         keys = " and ".join(own)

@@ -146,9 +146,12 @@ def _of_frame(plan: TaskPlan, frame: FrameModel) -> str | None:
 
 def _of_springs(stage: StagePlan) -> Iterator[Reason]:
     """A motion that presses by the spring of its law."""
-    if stage.law.control_law.force_loop or stage.spec.until is not None:
+    if stage.spec.until is not None:
         return
+    springs = not stage.law.control_law.force_loop
     for axis, entry in stage.plans.items():
+        if not springs and not entry.axis.is_soft:
+            continue
         if axis in TRANSLATIONS and entry.yields and _leads_into(stage, axis):
             into = stage.contacts.of(axis)
             text = (

@@ -170,6 +170,10 @@ class _Look:
             torque = columns.get(f"joint.{i + 1}.torque")
             if torque is not None:
                 yield f"joint.{i + 1}.torque", torque_share(torque, torque_limit)
+            command = columns.get(f"joint.{i + 1}.velocity.command")
+            if command is not None:
+                share = torque_share(command, self._program.context.drives.most[i])
+                yield f"joint.{i + 1}.velocity.command", share
             v = columns.get(f"joint.{i + 1}.velocity")
             if resolution is not None and codes is not None and v is not None:
                 share = velocity_share(resolution, i, codes, v, velocity_limit)

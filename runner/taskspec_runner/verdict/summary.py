@@ -34,7 +34,7 @@ from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.performance import performance
 from taskspec_runner.verdict.protected import protected
 from taskspec_runner.verdict.run_finding import RunFinding
-from taskspec_runner.verdict.torque_steps import largest_step
+from taskspec_runner.verdict.torque_steps import largest_change, largest_step
 
 _JOINT = re.compile(r"\bjoint (\d+) ")
 _OF_TRAVEL, _ATTEMPTS = " of travel", "; stage "
@@ -102,7 +102,7 @@ def summarise(
     It holds nothing of the clock on the wall, so that it can be compared byte by byte.
     """
     context = program.context
-    task, robot = context.loaded.task, context.robot
+    task, robot, drives = context.loaded.task, context.robot, context.drives
     outcome, found = simulated.outcome, findings(program, history, world.task)
     visits = _visits(program, simulated)
     # The last visit is the one in which the run ended, and says more about it.
@@ -133,7 +133,7 @@ def summarise(
         "period": context.period,
         "law": task.law.kind,
         "stages": visits,
-        "torque_step": largest_step(simulated.transitions, history),
+        **_steps(program, simulated, history),
         "expectations": [j.as_data() for j in judged],
         "findings": [each.as_data() for each in found],
         **protected(program, history, context.period),
@@ -145,6 +145,7 @@ def summarise(
             for s in program.stages
         },
         "joint_limits": robot.torque_limit.tolist(),
+        **({"command_limits": drives.most.tolist()} if drives.commands == "velocity" else {}),
         "joint_ranges": np.transpose([robot.lower, robot.upper]).tolist(),
         "robot": {"name": robot.name, "joints": list(robot.joint_names), "source": robot.source},
         "objects": list(task.world),
@@ -153,9 +154,22 @@ def summarise(
     }
 
 
+def _steps(program: Program, simulated: Simulated, history: History) -> dict[str, Any]:
+    """The largest step of a torque, or of a velocity at a change of stage."""
+    drives = program.context.drives
+    if drives.torques:
+        return {"torque_step": largest_step(simulated.transitions, history)}
+    # A position goes on by a velocity in each period.
+    unit = program.context.period if drives.positions else 1.0
+    step = largest_change(simulated.transitions)
+    step = step and step | {"value": step["value"] / unit}
+    return {"torque_step": None, "velocity_step": step}
+
+
 def _visits(program: Program, simulated: Simulated) -> list[dict[str, Any]]:
     """Every visit of a stage, and what ended it."""
     stages, outcome = {stage.name: stage for stage in program.stages}, simulated.outcome
+    torques = program.context.drives.torques
     ends = list(simulated.transitions)
     if simulated.by_signal:
         ends.append(
@@ -177,7 +191,7 @@ def _visits(program: Program, simulated: Simulated) -> list[dict[str, Any]]:
                     "text": transition_text(end, stage, program.context.robot),
                     "value": end.value,
                     "to": end.to,
-                    "torque_step": end.torque_step,
+                    **({"torque_step": end.torque_step} if torques else {}),
                 },
             }
         )

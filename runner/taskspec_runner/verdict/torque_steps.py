@@ -15,6 +15,8 @@ from taskspec_runner.record.history import History
 
 #: From here on a step at a change of stage is worth a line [N m].
 NOTICED = 0.5
+#: The same of a velocity that is commanded, or of that of a position: what fades in 5 ms [rad/s].
+NOTICED_VELOCITY = 0.01
 #: Inside of a stage one that is so many times as fast as a hand-over is. What a touch makes of a
 #: force loop is below: up to 3.7 times in the shipped tasks.
 SHARP = 5.0
@@ -27,16 +29,23 @@ def largest_step(transitions: Sequence[Transition], history: History) -> dict[st
     same measurement, inside of a stage the change from one tick to the next: there `from` and `to`
     are the same stage, and `joint` counts from 1.
     """
-    changes = [
-        {
+    steps = (*_changes(transitions), *_inside(history))
+    return max(steps, key=lambda step: step["value"], default=None)
+
+
+def largest_change(transitions: Sequence[Transition]) -> dict[str, Any] | None:
+    """The largest step of what a joint is commanded at a change of stage; None without a change."""
+    return max(_changes(transitions), key=lambda step: step["value"], default=None)
+
+
+def _changes(transitions: Sequence[Transition]) -> Iterator[dict[str, Any]]:
+    for before, after in pairwise(transitions):
+        yield {
             "value": before.torque_step,
             "from": before.stage,
             "to": after.stage,
             "clock": before.clock,
         }
-        for before, after in pairwise(transitions)
-    ]
-    return max((*changes, *_inside(history)), key=lambda step: step["value"], default=None)
 
 
 def _inside(history: History) -> Iterator[dict[str, Any]]:
@@ -63,6 +72,12 @@ def _inside(history: History) -> Iterator[dict[str, Any]]:
 
 def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
     """The largest step in words; nothing where there is none to speak of."""
+    change = summary.get("velocity_step")
+    if change and change["value"] >= NOTICED_VELOCITY:
+        yield (
+            f"{change['to']}: its first velocity of a joint is {change['value']:.3g} rad/s off the "
+            f"last of {change['from']!r}, at {change['clock']:.3f} s"
+        )
     step = summary.get("torque_step")
     if not step:
         return

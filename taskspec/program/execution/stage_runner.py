@@ -115,7 +115,7 @@ class StageRunner:
         if self.chooser is not None:
             self.chooser.first()
         before = self._torque.copy()
-        self._remember(applied, earlier)
+        self.remember(applied, earlier)
         self.tick.evaluate()
         if self.solver is not None:
             self.solver.settle()
@@ -154,16 +154,22 @@ class StageRunner:
             applied: (n,) command of the tick before.
             earlier: (n,) of the one before that.
         """
-        self._remember(applied, earlier)
+        self.remember(applied, earlier)
         if self.solver is None:
             self.tick.evaluate()
             return True
-        self.solver.remember(applied)
         self.tick.evaluate()
         return self.solver.resolve()
 
-    def _remember(self, applied: Vector, earlier: Vector) -> None:
-        """Has the next tick know the commands (n,) of the two before."""
+    def remember(self, applied: Vector, earlier: Vector) -> None:
+        """Has the next tick and its program know what was commanded in the two before.
+
+        Args:
+            applied: (n,) in the tick before.
+            earlier: (n,) in the one before that.
+        """
+        if self.solver is not None:
+            self.solver.remember(applied)
         if self.last_command is not None:
             self.last_command[:] = applied
         if self.earlier_command is not None:

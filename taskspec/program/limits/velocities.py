@@ -34,7 +34,6 @@ from taskspec.program.limits.bounds import (
     POSITION_MARGIN,
     SPEED,
     SPEED_SHARE,
-    TURN_SHARE,
     VELOCITY_SHARE,
     Bounds,
     Source,
@@ -283,20 +282,23 @@ def _add_speeds(
     drives, protection = context.drives, context.loaded.task.robot.protection
     tip, turn = (None, None) if protection is None else (protection.tip, protection.turn)
     speeds = [bound.speed for bound in (limits, tip) if bound is not None and bound.speed]
-    kept = [(terms.J[:3, :], min(speeds), VELOCITY, "speed")] if speeds else []
+    kept = [(slice(0, 3), min(speeds), VELOCITY, "speed")] if speeds else []
     if turn is not None and turn.speed:
-        kept.append((terms.J[3:, :], turn.speed, ANGULAR_VELOCITY, "rate of turning"))
+        kept.append((slice(3, 6), turn.speed, ANGULAR_VELOCITY, "rate of turning"))
     assert drives.timing is not None
     share, rows = drives.approach(context.period), ca.SX(0, commands.wanted.shape[0])
-    for J, limit, unit, what in kept:
+    for own, limit, unit, what in kept:
         fastest = SPEED_SHARE * limit
         most = fastest / (1 + overshoot(drives.timing.ratio))
-        last, wanted = J @ commands.last, J @ commands.wanted
+        J = terms.J[own, :]
+        # The arm has turned since: that alone makes another velocity of the same command.
+        last = J @ commands.last - context.period * terms.drift[own]
+        wanted = J @ commands.wanted
         ahead, first = _direction(wanted), rows.shape[0]
         directions = [ahead, *sides(ahead, "z" in context.robot.axes)]
-        # So much more aside that going on as before stays within the ball.
-        spare = ca.fmax(most**2 - ca.sumsqr(last), 0) / len(directions[1:])
-        more = ca.fmin(spare, (TURN_SHARE * most) ** 2)
+        # Half of what is left of the ball is for going aside, and half for going ahead.
+        spare = ca.fmax(most**2 - ca.sumsqr(last), 0)
+        more = spare / (2 * len(directions[1:]))
         squares = [ca.dot(side, last) ** 2 + more for side in directions[1:]]
         left = ca.fmax(most**2 - sum(squares), 0)
         texts = [f"{what} {show(fastest, unit)}", *(f"{what} aside, {i + 1}" for i in (0, 1))]

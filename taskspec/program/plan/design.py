@@ -168,7 +168,8 @@ class DesignRules:
         felt = robot.sensor.at == "wrist" and not axis.is_rotation
         carried = self._context.robot.tool_body.mass if felt else 0.0
         stiffness = robot.servo.stiffness
-        if stiffness is None:
+        # Of another number of joints it is for another robot, which a rule says.
+        if stiffness is None or len(stiffness) not in (1, self._context.robot.n):
             alone = DrivenAxis.alone(h, timing.w, timing.ratio)
             return ServoLoop(timing, alone, contact, carried)
         H, J = self._context.start_inertia, self._kinematics.jacobian[self._kinematics.rows]

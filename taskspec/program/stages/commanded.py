@@ -100,10 +100,12 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         posture = null_space_command(
             law, context, measurement.state, measurement.world, inputs.q, inputs.v
         )
-    left = None
+    left = carried = None
+    if measurement.moving_base is not None:
+        carried = state.velocity - state.J @ inputs.v
     if law.solve == "qp" and law.control_law.commands == "velocity":
-        commanded = state.J @ last_velocity(context, measurement.parameters)
-        left = commanded, measurement.table.situation.limited
+        moved = state.J @ last_velocity(context, measurement.parameters)
+        left = moved if carried is None else moved + carried, measurement.table.situation.limited
     plans = plan.plans
     case = Case(
         state=state,
@@ -118,12 +120,16 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         free=free_directions(plan, measurement) if plan.consistent else None,
         joints=joints,
         period=context.period,
+        carried=carried,
         left=left,
         remembered=measurement.memory.add,
     )
     wanted, terms = law.control_law.command(case), measurement.terms
     if law.control_law.commands == "velocity":
-        closed_form = resolution.velocity(wanted, state, posture)
+        closed_form = wanted.joint_velocity
+        if closed_form is None:
+            assert wanted.velocity is not None
+            closed_form = resolution.resolved(case.by_the_arm(wanted.velocity), state, posture)
     else:
         closed_form = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)
     fading = carried_torque.fading(measurement.parameters, measurement.clock, closed_form.shape[0])
