@@ -146,19 +146,14 @@ def velocities(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
         return _followed(axis)
     proportional = axis.of_the_law("force.proportional") or Gain(1.0, "designed: 1")
     integral, damping = axis.of_the_law("force.integral"), axis.of_the_law("force.damping")
-    if "force.integral" not in law.gain_names:
-        integral = Gain(0.0, "none")
-    loop = axis.plant.servo
-    k = axis.plant.k
+    loop, k = axis.plant.servo, axis.plant.k
     if loop is not None and math.isinf(k):
         k = loop.stiffness
     if damping is None:
-        given = 0.0 if integral is None else integral.value
-        damping = _over_servo(axis.plant, proportional=proportional.value, integral=given)
-        if integral is None:
-            # The integral follows the damping; beside that of a larger one it would be less late.
-            given = k / (8 * damping.value)
-            damping = _over_servo(axis.plant, proportional=proportional.value, integral=given)
+        damping = _over_servo(axis.plant)
+        if "force.integral" in law.gain_names:
+            # Beside the integral that goes with this, which is later than that of the larger one.
+            damping = _over_servo(axis.plant, integral=k / (8 * damping.value))
     gains = {"force.proportional": proportional, "force.damping": damping}
     if "force.integral" in law.gain_names:
         gains["force.integral"] = integral or Gain(k / (8 * damping.value), "designed: k / (8 d)")

@@ -158,7 +158,6 @@ class ServoLoop:
         lag: float = 0.0,
         mass: float = 0.0,
         spring: float = 0.0,
-        proportional: float = 1.0,
         integral: float = 0.0,
     ) -> tuple[float, float]:
         """The damping D below which the loop is unstable, and where a loop with that rings [Hz].
@@ -169,7 +168,7 @@ class ServoLoop:
             lag: time constant M / D of an apparent mass that grows with D [s].
             mass: an apparent mass of its own [kg, kg m^2].
             spring: stiffness of the axis about the measured position [N/m, N m/rad].
-            proportional, integral: what the force's error is taken times, and its integral [1/s].
+            integral: of a law that takes the error of the force times 1 [1/s].
         """
         highest = math.pi / self.timing.period
 
@@ -178,7 +177,7 @@ class ServoLoop:
             late = np.exp(-s * self.timing.period)
             rate = (1 - late) / self.timing.period
             # The law takes its spring and its integral at the end of a period.
-            found = -self._response(s, spring) * (proportional + integral / rate)
+            found = -self._response(s, spring) * (1 + integral / rate)
             found -= mass * rate + spring * self.timing.period
             return np.asarray(found / (1 + lag * rate))
 
