@@ -21,9 +21,11 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Joints = tuple[float, ...]
 
-#: How fast what is left of the last stage's command fades, in the joint that has most to fade: a
-#: torque [N m/s, N/s], a velocity [rad/s^2, m/s^2].
-TORQUE_FADING, VELOCITY_FADING = 1000.0, 2.0
+#: How fast what is left of the last stage's torque fades in the joint with most [N m/s, N/s].
+TORQUE_FADING = 1000.0
+#: Within which part of a period of the servo's bandwidth a velocity does. Meanwhile goes on what a
+#: guard has ended.
+VELOCITY_FADING = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,9 @@ class Drives:
         most: (n,) greatest size of what a law commands a joint.
         rates: (n,) how fast it may change [1/s of its unit]; infinite where nothing limits it. A
             servo then meets none of its own limits of acceleration and jerk.
-        fading: how fast what the last stage's law commanded fades [1/s of its unit].
+        fading: how fast what the last stage's law commanded fades at most, in the joint that has
+            most to fade [1/s of its unit].
+        fades: by which share of it at most [1/s].
         timing: of the servo and what is late around it; None for torques.
     """
 
@@ -46,6 +50,7 @@ class Drives:
     most: Vector
     rates: Vector
     fading: float
+    fades: float = math.inf
     timing: ServoTiming | None = None
 
     @property
@@ -114,7 +119,8 @@ def drives(robot: RobotModel, declared: Robot, control: Control) -> Drives:
         held=sensor.hold_ticks,
         pole=sensor.pole,
     )
-    return Drives(declared.command, most, rates, VELOCITY_FADING, timing)
+    fades = servo.bandwidth / VELOCITY_FADING
+    return Drives(declared.command, most, rates, float(rates.min()), fades, timing)
 
 
 def _lower(bounds: Vector, other: Joints | None, share: float = 1.0) -> Vector:
