@@ -28,7 +28,7 @@ class ControlLaw(ABC):
     Attributes:
         kind: its name in a file.
         title: what it is called in words.
-        equations: the chapter's numbers.
+        equations: the chapter's numbers; of a law that it does not have, the equation itself.
         gains: that a task file may give it.
         derived: gains that its design makes of them.
         force_loop: it reaches a force set point whatever the stiffness; without one the set point

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +11,12 @@ from numpy.typing import NDArray
 from taskspec.control.servo import excursions
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.design import GAIN_MARGIN
-from taskspec.laws.servo_loop import ServoLoop
+from taskspec.laws.servo_loop import ServoTiming
 from taskspec.program.sensor import SensorModel
 from taskspec.robot import RobotModel
 
 if TYPE_CHECKING:
-    from taskspec.spec import Robot
+    from taskspec.spec import Control, Robot
 
 Vector = NDArray[np.float64]
 Joints = tuple[float, ...]
@@ -44,7 +43,7 @@ class Drives:
         fading: how fast what the last stage's law commanded fades at most, in the joint that has
             most to fade [1/s of its unit].
         fades: by which share of it at most [1/s].
-        loop: the servo, as force loops have it; None for torques.
+        timing: of the servo and what is late around it; None for torques.
     """
 
     commands: str
@@ -52,7 +51,7 @@ class Drives:
     rates: Vector
     fading: float
     fades: float = math.inf
-    loop: ServoLoop | None = None
+    timing: ServoTiming | None = None
 
     @property
     def positions(self) -> bool:
@@ -65,8 +64,8 @@ class Drives:
 
         A reference that is held stops within v / w of where it is, a delay later.
         """
-        assert self.loop is not None
-        return GAIN_MARGIN * (self.loop.delay + 1 / self.loop.w)
+        assert self.timing is not None
+        return GAIN_MARGIN * (self.timing.whole_delay + 1 / self.timing.w)
 
     def approach(self, period: float) -> float:
         """The share of what is left before a limit of speed that a period may use up.
@@ -74,8 +73,8 @@ class Drives:
         x = w (2 zeta s + w) / (s^2 + 2 zeta w s + w^2) z goes beyond a step of z, and not beyond
         what z + z' 2 zeta / w has been.
         """
-        assert self.loop is not None
-        return 1 - math.exp(-period * self.loop.w / (2 * self.loop.ratio))
+        assert self.timing is not None
+        return 1 - math.exp(-period * self.timing.w / (2 * self.timing.ratio))
 
     @property
     def torques(self) -> bool:
@@ -83,13 +82,13 @@ class Drives:
         return self.commands == "torque"
 
 
-def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
+def drives(robot: RobotModel, declared: Robot, control: Control) -> Drives:
     """The drives of an arm.
 
     Args:
         robot: its model.
         declared: what the file says of it.
-        period: of control [s].
+        control: its rates.
     """
     n = robot.n
     if declared.command == "torque":
@@ -98,6 +97,7 @@ def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
     joints = None if protection is None else protection.joints
     w = 2 * math.pi * servo.bandwidth
     most, rates = robot.velocity_limit, np.full(n, np.inf)
+    period = 1.0 / control.rate
     bounds = [(owner.acceleration, owner.jerk) for owner in (servo, joints) if owner is not None]
     for velocities in (servo.velocity, None if joints is None else joints.speed):
         most = _lower(most, velocities)
@@ -107,14 +107,20 @@ def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
         for pair in bounds:
             for bound, one in zip(pair, made, strict=True):
                 rates = _lower(rates, bound, one)
-    sensor = declared.sensor
-    late = replace(SensorModel.of(sensor, period), pole=0.0).lag(period)
-    # A command is held for a period, half of it on the average.
-    delay = late + period / 2 + servo.delay
-    corner = math.inf if sensor.filter is None else 2 * math.pi * sensor.filter
-    loop = ServoLoop(w, servo.damping, delay, corner)
+    sensor = SensorModel.of(declared.sensor, period)
+    timing = ServoTiming(
+        w=w,
+        ratio=servo.damping,
+        delay=servo.delay_ticks / servo.rate,
+        period=period,
+        tick=1.0 / servo.rate,
+        step=1.0 / control.plant_rate,
+        late=sensor.delay_ticks * period,
+        held=sensor.hold_ticks,
+        pole=sensor.pole,
+    )
     fades = servo.bandwidth / VELOCITY_FADING
-    return Drives(declared.command, most, rates, float(rates.min()), fades, loop)
+    return Drives(declared.command, most, rates, float(rates.min()), fades, timing)
 
 
 def _lower(bounds: Vector, other: Joints | None, share: float = 1.0) -> Vector:

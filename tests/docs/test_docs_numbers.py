@@ -48,7 +48,14 @@ from taskspec_runner import exit_codes
 from taskspec_runner.compare import folder as compared
 from taskspec_runner.export import FORMATS
 from taskspec_runner.export.export import LAYOUT
-from taskspec_runner.export.mcap import POSES, SCALARS, SCENE, TOPICS
+from taskspec_runner.export.mcap import (
+    JOINT_COMMANDS,
+    JOINT_STATES,
+    POSES,
+    SCALARS,
+    SCENE,
+    TOPICS,
+)
 from taskspec_runner.export.messages import SIGNALS
 from taskspec_runner.loop import fixed_step as loop
 from taskspec_runner.loop.telemetry import RATE, message
@@ -245,7 +252,8 @@ def test_run_folder():
 
 def test_topics_of_an_export():
     rows = {words(row[0])[0]: words(row[1])[0] for row in table(CONVENTIONS, "table: topics")}
-    assert rows == {**TOPICS, **POSES, **SCENE, SCALARS: SIGNALS}
+    commanded = {JOINT_COMMANDS: TOPICS[JOINT_STATES]}
+    assert rows == {**TOPICS, **commanded, **POSES, **SCENE, SCALARS: SIGNALS}
     assert sorted([*FORMATS.values(), LAYOUT]) == sorted(
         name.removeprefix("log") for name in names.EXPORTS
     )
