@@ -12,6 +12,7 @@ from taskspec.program.plan import TaskPlan
 from taskspec.rules import Finding, Phase, error, rule
 from taskspec.spec import FILE, Task
 from taskspec.spec.key_path import KeyPath
+from taskspec.spec.servo import Servo
 from taskspec.text.units import show
 
 #: Halvings in the search of the bound that a message names.
@@ -24,11 +25,13 @@ def fitting_servos(task: TaskPlan) -> Iterator[Finding]:
     loaded, robot = task.context.loaded, task.context.robot
     if loaded.task.robot.takes_torques:
         return
-    worlds: dict[KeyPath, Task] = {FILE.robot.servo: loaded.task}
-    if loaded.true_task.robot.servo != loaded.task.robot.servo:
-        worlds[FILE.truth] = loaded.true_task
-    for place, world in worlds.items():
-        servo = world.robot.servo
+    true = loaded.true_task.robot.servo
+    servos: dict[KeyPath, Servo] = {FILE.robot.servo: loaded.task.robot.servo}
+    if true != loaded.task.robot.servo:
+        servos[FILE.truth] = true
+    if (stiffest := _stiffest(true, loaded.task)) != true:
+        servos[FILE.vary] = stiffest
+    for place, servo in servos.items():
         wrong = [
             key
             for key, values in servo.numbers.items()
@@ -42,13 +45,25 @@ def fitting_servos(task: TaskPlan) -> Iterator[Finding]:
                 "one value for all joints, or one for each",
             )
         if not wrong:
-            yield from _unstable(task, world, place)
+            yield from _unstable(task, servo, place)
 
 
-def _unstable(task: TaskPlan, world: Task, place: KeyPath) -> Iterator[Finding]:
+def _stiffest(true: Servo, task: Task) -> Servo:
+    """The true servo with the greatest values that `vary` gives to what makes it stiff."""
+    changed: dict[str, object] = {}
+    for key in ("bandwidth", "damping", "stiffness"):
+        for each in task.vary.get(f"robot.servo.{key}", ()):
+            if each is not None:
+                own = getattr(true, key)
+                most = each.ends(0.0 if own is None else float(np.max(own)))[1]
+                changed[key] = (most,) if key == "stiffness" else most
+    return true.model_copy(update=changed)
+
+
+def _unstable(task: TaskPlan, servo: Servo, place: KeyPath) -> Iterator[Finding]:
     """A servo whose samples come too seldom for how stiff it is, with the arm at its start."""
-    servo, H = world.robot.servo, task.context.start_inertia
-    steps = round(world.control.plant_rate / servo.rate)
+    H = task.context.start_inertia
+    steps = round(task.context.loaded.task.control.plant_rate / servo.rate)
 
     def grows(share: float) -> bool:
         """Whether it is unstable with a share of its stiffness."""
@@ -76,5 +91,5 @@ def _unstable(task: TaskPlan, world: Task, place: KeyPath) -> Iterator[Finding]:
 
 
 def _at(place: KeyPath, key: str) -> KeyPath:
-    """Where a key of a servo stands: in the robot, or by its path in truth."""
-    return place[f"robot.servo.{key}"] if place == FILE.truth else place[key]
+    """Where a key of a servo stands: in the robot, or by its path in `truth` or `vary`."""
+    return place[key] if place == FILE.robot.servo else place[f"robot.servo.{key}"]

@@ -36,8 +36,8 @@ def test_the_answer_is_that_of_a_program_in_the_velocities_themselves(law):
     """min of the twist's change and of inner motion's, within bounds that are written out here."""
     states = States(FREE.format(law=law, **(TURNS | {"more": ""})), seed=3)
     drives, T = states.context.drives, states.context.period
-    loop, tried = drives.loop, 0
-    fastest, lag = VELOCITY_SHARE * drives.most, 3 * (loop.delay + 1 / loop.w)
+    timing, tried = drives.timing, 0
+    fastest, lag = VELOCITY_SHARE * drives.most, 3 * (timing.whole_delay + 1 / timing.w)
     assert {row.kind for row in states.stage.resolution.rows} == {COMMAND, JOINT}
     for _ in range(60):
         states.draw_present(turned=0.6, fast=0.3, force=30.0)
@@ -51,7 +51,7 @@ def test_the_answer_is_that_of_a_program_in_the_velocities_themselves(law):
         if states.solver.counts.relaxed:
             states.solver.counts.relaxed = 0
             continue
-        q, share = states.machine.q, 1 - np.exp(-T * loop.w / (2 * loop.ratio))
+        q, share = states.machine.q, 1 - np.exp(-T * timing.w / (2 * timing.ratio))
         low, high = (
             last + np.clip(share * (end - last), -T * drives.rates, T * drives.rates)
             for end in (-fastest, fastest)

@@ -61,3 +61,13 @@ def test_a_servo_that_is_so_in_truth_alone():
     ((code, message),) = found("command: velocity", "truth: {robot.servo.bandwidth: 150 Hz}")
     assert code == "TS118"
     assert "bandwidth" in message
+
+
+@pytest.mark.parametrize(
+    "entry", ["stiffness: 10 N*m/rad .. 5 kN*m/rad", "bandwidth: 10 Hz .. 150 Hz"]
+)
+def test_a_servo_that_is_so_in_some_worlds_of_vary(entry):
+    ((code, message),) = found("command: velocity", f"vary: {{robot.servo.{entry}}}")
+    assert code == "TS118"
+    assert entry.split(":")[0] in message
+    assert found("command: velocity", "vary: {robot.servo.bandwidth: 10 Hz .. 30 Hz}") == []

@@ -167,6 +167,8 @@ def fast_torques(trial: Trial) -> Iterator[Finding]:
     rates = None if protection is None else protection.joints
     if protection is None or rates is None or rates.torque_rate is None or len(trial.history) < 2:
         return
+    if not context.drives.torques:
+        return
     bounds = np.broadcast_to(np.asarray(rates.torque_rate), (robot.n,))
     names = [f"joint.{i + 1}.torque" for i in range(robot.n)]
     torques = np.stack([trial.history.columns[name] for name in names], axis=1)
