@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
-.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs equivalence truth tsid referee check
+.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid referee check
 .PHONY: clean bounds interface
 
 demo: $(READY)  ## run the wiping task and say where its report is
@@ -78,6 +78,12 @@ exported: $(READY)  ## every shipped task as C: logs of 10 million ticks, other 
 
 designs: $(READY)  ## sampled loops of 1440 tasks with mechanisms, whose designed gains are to be stable; docs/designed-gains.md
 	$(BIN)/python campaigns/mechanism_tasks.py --tasks 1080 --page docs/designed-gains.md
+
+boundaries: $(READY)  ## boundaries of force loops over servos: closed form, sampled loop, runs; docs/admittance-boundary.md
+	$(BIN)/python campaigns/boundaries.py --page docs/admittance-boundary.md
+
+servo-designs: $(READY)  ## designed gains of 500 random presses over servos, from their boundary; docs/admittance-boundary.md
+	$(BIN)/python campaigns/servo_tasks.py --tasks 500 --page docs/admittance-boundary.md
 
 SEED ?= 1
 FILES ?= 2000

@@ -70,6 +70,8 @@ def flat(shape: str) -> dict[str, str]:
 WIPE, PRESS, SLIDE = lasts("wipe"), lasts("press"), lasts("slide")
 CYLINDER = flat("cylinder, radius: 12 mm, thickness: 20 mm")
 BOX = flat("box, size: [24 mm, 24 mm, 20 mm]")
+BY_VELOCITY = {"robot.command": "velocity", "law": "force-velocity"}
+BY_POSITION = {"robot.command": "position", "law": "admittance"}
 SWAY = {"axes.x": "{position: 50 mm * (1 - cos(1 rad/s * t))}"}
 CASES = (
     Case("closed form", "wipe-table", "wipe", WIPE),
@@ -81,6 +83,8 @@ CASES = (
     Case("mechanism (crank)", "crank", "rotate", {"stages.rotate.until": "crank.angle > 9 turn"}),
     Case("sensor at the wrist", "wrist-sensor", "press", PRESS),
     Case("plant at 4 kHz", "wipe-table", "wipe", WIPE | {"control.plant_rate": "4 kHz"}),
+    Case("velocities to a servo", "press-parallel", "slide", SLIDE | BY_VELOCITY),
+    Case("positions to a servo", "press-parallel", "slide", SLIDE | BY_POSITION),
     Case("a cylinder's flat end", "wipe-table", "wipe", WIPE | CYLINDER),
     Case("a box's face", "wipe-table", "wipe", WIPE | BOX),
 )

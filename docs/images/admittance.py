@@ -95,7 +95,7 @@ TROUBLES = {
             Signal("joint.3.torque", "Torque of the drive of joint 3", "N*m"),
         ),
         # Over at once.
-        (drives, "VELOCITY_FADING", 1e9),
+        (drives, "VELOCITY_FADING", 1e-9),
     ),
     "windup": Trouble(
         {"memory goes on": TAKEN_OUT, "as it is": {}},

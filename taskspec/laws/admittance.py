@@ -1,4 +1,4 @@
-"""Admittance control: the arm moves as a mass, a spring and a damper would under what it feels."""
+"""Admittance control: the arm moves as a mass, spring and damper would by the measured force."""
 
 from __future__ import annotations
 

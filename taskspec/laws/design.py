@@ -14,7 +14,6 @@ from typing import Protocol
 
 from taskspec.deferred import ca
 from taskspec.laws.gains import FORCE_MASS, AxisDesign, AxisPlant, Gain, LawGain, is_number
-from taskspec.laws.servo_loop import Contact
 
 SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
 _MOTION_BANDWIDTH = 5.0
@@ -32,8 +31,6 @@ _LAG = 0.005
 GAIN_MARGIN = 3.0
 #: Damping of such a loop where no stiffness is known [N s/m].
 _UNKNOWN_CONTACT = 500.0
-#: Rounds in which damping and lag of a given mass come to agree.
-_ROUNDS = 40
 #: K_F of (4.121), which has no integral to rely on.
 _REACTION_GAIN = 0.5
 _JAMMED = "designed: Lambda_ii, by which the axis does not flip where walls hold the tool"
@@ -147,17 +144,19 @@ def velocities(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
     """Gains of an axis that is commanded by velocity: of its motion, or p, i and d of its force."""
     if not axis.force:
         return _followed(axis)
-    gains = {
-        "force.proportional": axis.of_the_law("force.proportional") or Gain(1.0, "designed: 1"),
-        "force.damping": axis.of_the_law("force.damping") or _over_servo(axis.plant),
-    }
+    proportional = axis.of_the_law("force.proportional") or Gain(1.0, "designed: 1")
+    integral, damping = axis.of_the_law("force.integral"), axis.of_the_law("force.damping")
+    loop, k = axis.plant.servo, axis.plant.k
+    if loop is not None and math.isinf(k):
+        k = loop.stiffness
+    if damping is None:
+        damping = _over_servo(axis.plant)
+        if "force.integral" in law.gain_names:
+            # Beside the integral that goes with this, which is later than that of the larger one.
+            damping = _over_servo(axis.plant, integral=k / (8 * damping.value))
+    gains = {"force.proportional": proportional, "force.damping": damping}
     if "force.integral" in law.gain_names:
-        damping = gains["force.damping"].value
-        k = axis.plant.k
-        if axis.plant.servo is not None and math.isinf(k):
-            k = axis.plant.servo.stiffness(Contact(axis.plant.h, k))
-        rate = Gain(k / (8 * damping), "designed: k / (8 d)")
-        gains["force.integral"] = axis.of_the_law("force.integral") or rate
+        gains["force.integral"] = integral or Gain(k / (8 * damping.value), "designed: k / (8 d)")
     return gains
 
 
@@ -169,11 +168,15 @@ def admittance(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:  # noqa: 
     stiffness = Gain(0.0, "free") if axis.force else axis.own_stiffness or Gain(0.0, "none given")
     mass = axis.of_the_law("mass")
     if damping is None:
-        damping = _over_servo(axis.plant, None if mass is None else mass.value)
-        if mass is not None and stiffness.value > 0:
-            own = 2 * SPRING_DAMPING_RATIO * math.sqrt(mass.value * stiffness.value)
+        moved = {"lag": _LAG} if mass is None else {"mass": mass.value}
+        damping = _over_servo(axis.plant, spring=stiffness.value, **moved)
+        if mass is not None:
+            # A mass may be stable without any, and swing for long.
+            loop = axis.plant.servo
+            returns = stiffness.value + (loop.stiffness if loop is not None and loop.known else 0.0)
+            own = 2 * SPRING_DAMPING_RATIO * math.sqrt(mass.value * returns)
             if own > damping.value:
-                damping = Gain(own, "designed: 2 0.7 sqrt(mass stiffness)")
+                damping = Gain(own, "designed: 2 0.7 sqrt(mass stiffness), drives and contact")
     if mass is None:
         mass = Gain(_LAG * damping.value, f"designed: {_LAG * 1e3:g} ms damping")
     band = axis.of_the_law("dead_band")
@@ -190,23 +193,23 @@ def _followed(axis: AxisDesign) -> dict[str, Gain]:
     }
 
 
-def _over_servo(plant: AxisPlant, mass: float | None = None) -> Gain:
+def _over_servo(plant: AxisPlant, **law: float) -> Gain:
     """The damping of a force loop that a servo follows: three times the least that is stable.
 
     The least one has the loop's gain 1 where its phase is -180 degrees, so that three times as much
     is a gain margin of three.
+
+    Args:
+        plant: with the servo.
+        law: what else acts on the axis, see `ServoLoop.least_damping`.
     """
-    stiffest = max(plant.k, plant.face)
-    if plant.servo is None or stiffest <= 0:
+    if plant.servo is None or not plant.servo.known:
         return Gain(_UNKNOWN_CONTACT, "designed: no stiffness is known")
-    if mass is None:
-        least = plant.servo.least_damping(Contact(plant.h, stiffest), _LAG)
-        return Gain(GAIN_MARGIN * least, "designed: 3 times the least that is stable")
-    least = damping = plant.servo.least_damping(Contact(plant.h, stiffest))
-    for _ in range(_ROUNDS):
-        least = plant.servo.least_damping(Contact(plant.h, stiffest), mass / damping)
-        damping = (damping + least) / 2
-    return Gain(GAIN_MARGIN * least, "designed: 3 times the least that is stable with this mass")
+    least, rings = plant.servo.least_damping(**law)
+    rule = (
+        f"designed: {GAIN_MARGIN:g} times the least that is stable, which rings at {rings:.3g} Hz"
+    )
+    return Gain(GAIN_MARGIN * least, rule)
 
 
 def _integral(plant: AxisPlant, damping: float) -> Gain:

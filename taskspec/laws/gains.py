@@ -142,8 +142,8 @@ class AxisPlant:
         damper: what a law's form for the mechanism damps the axis with [N s/m, N m s/rad]; None
             where the law damps it by its own rules.
         face: stiffness about the axis of a face that lies flat [N m/rad]; 0 without.
-        servo: the joint servo that follows the command, of an arm that takes velocities or
-            positions; None for one that takes torques.
+        servo: the loop of a force along the axis, of an arm that takes velocities or positions;
+            None for one that takes torques.
         jammed: the apparent mass that a force axis has at least, so that it does not flip where
             walls and their friction hold the tool [kg]; 0 where they cannot.
     """

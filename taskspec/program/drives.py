@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,19 +11,21 @@ from numpy.typing import NDArray
 from taskspec.control.servo import excursions
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.design import GAIN_MARGIN
-from taskspec.laws.servo_loop import ServoLoop
+from taskspec.laws.servo_loop import ServoTiming
 from taskspec.program.sensor import SensorModel
 from taskspec.robot import RobotModel
 
 if TYPE_CHECKING:
-    from taskspec.spec import Robot
+    from taskspec.spec import Control, Robot
 
 Vector = NDArray[np.float64]
 Joints = tuple[float, ...]
 
-#: How fast what is left of the last stage's command fades, in the joint that has most to fade: a
-#: torque [N m/s, N/s], a velocity [rad/s^2, m/s^2].
-TORQUE_FADING, VELOCITY_FADING = 1000.0, 2.0
+#: How fast what is left of the last stage's torque fades in the joint with most [N m/s, N/s].
+TORQUE_FADING = 1000.0
+#: Within which part of a period of the servo's bandwidth a velocity does. Meanwhile goes on what a
+#: guard has ended.
+VELOCITY_FADING = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,15 +40,18 @@ class Drives:
         most: (n,) greatest size of what a law commands a joint.
         rates: (n,) how fast it may change [1/s of its unit]; infinite where nothing limits it. A
             servo then meets none of its own limits of acceleration and jerk.
-        fading: how fast what the last stage's law commanded fades [1/s of its unit].
-        loop: the servo, as force loops have it; None for torques.
+        fading: how fast what the last stage's law commanded fades at most, in the joint that has
+            most to fade [1/s of its unit].
+        fades: by which share of it at most [1/s].
+        timing: of the servo and what is late around it; None for torques.
     """
 
     commands: str
     most: Vector
     rates: Vector
     fading: float
-    loop: ServoLoop | None = None
+    fades: float = math.inf
+    timing: ServoTiming | None = None
 
     @property
     def positions(self) -> bool:
@@ -60,8 +64,8 @@ class Drives:
 
         A reference that is held stops within v / w of where it is, a delay later.
         """
-        assert self.loop is not None
-        return GAIN_MARGIN * (self.loop.delay + 1 / self.loop.w)
+        assert self.timing is not None
+        return GAIN_MARGIN * (self.timing.whole_delay + 1 / self.timing.w)
 
     def approach(self, period: float) -> float:
         """The share of what is left before a limit of speed that a period may use up.
@@ -69,8 +73,8 @@ class Drives:
         x = w (2 zeta s + w) / (s^2 + 2 zeta w s + w^2) z goes beyond a step of z, and not beyond
         what z + z' 2 zeta / w has been.
         """
-        assert self.loop is not None
-        return 1 - math.exp(-period * self.loop.w / (2 * self.loop.ratio))
+        assert self.timing is not None
+        return 1 - math.exp(-period * self.timing.w / (2 * self.timing.ratio))
 
     @property
     def torques(self) -> bool:
@@ -78,13 +82,13 @@ class Drives:
         return self.commands == "torque"
 
 
-def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
+def drives(robot: RobotModel, declared: Robot, control: Control) -> Drives:
     """The drives of an arm.
 
     Args:
         robot: its model.
         declared: what the file says of it.
-        period: of control [s].
+        control: its rates.
     """
     n = robot.n
     if declared.command == "torque":
@@ -93,6 +97,7 @@ def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
     joints = None if protection is None else protection.joints
     w = 2 * math.pi * servo.bandwidth
     most, rates = robot.velocity_limit, np.full(n, np.inf)
+    period = 1.0 / control.rate
     bounds = [(owner.acceleration, owner.jerk) for owner in (servo, joints) if owner is not None]
     for velocities in (servo.velocity, None if joints is None else joints.speed):
         most = _lower(most, velocities)
@@ -102,13 +107,20 @@ def drives(robot: RobotModel, declared: Robot, period: float) -> Drives:
         for pair in bounds:
             for bound, one in zip(pair, made, strict=True):
                 rates = _lower(rates, bound, one)
-    sensor = declared.sensor
-    late = replace(SensorModel.of(sensor, period), pole=0.0).lag(period)
-    # A command is held for a period, half of it on the average.
-    delay = late + period / 2 + servo.delay
-    corner = math.inf if sensor.filter is None else 2 * math.pi * sensor.filter
-    loop = ServoLoop(w, servo.damping, delay, corner)
-    return Drives(declared.command, most, rates, VELOCITY_FADING, loop)
+    sensor = SensorModel.of(declared.sensor, period)
+    timing = ServoTiming(
+        w=w,
+        ratio=servo.damping,
+        delay=servo.delay_ticks / servo.rate,
+        period=period,
+        tick=1.0 / servo.rate,
+        step=1.0 / control.plant_rate,
+        late=sensor.delay_ticks * period,
+        held=sensor.hold_ticks,
+        pole=sensor.pole,
+    )
+    fades = servo.bandwidth / VELOCITY_FADING
+    return Drives(declared.command, most, rates, float(rates.min()), fades, timing)
 
 
 def _lower(bounds: Vector, other: Joints | None, share: float = 1.0) -> Vector:

@@ -102,7 +102,7 @@ def prepare(
         obstacles=Obstacles(
             robot, {o: s.uncut() for o, s in surfaces.items() if o != task.robot.grasp}, bases
         ),
-        drives=drives(robot, task.robot, 1.0 / task.control.rate),
+        drives=drives(robot, task.robot, task.control),
         period=1.0 / task.control.rate,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -120,6 +121,10 @@ def test_the_header_names_what_is_commanded(command) -> None:
         f"the {at_end[command]}",
     ):
         assert text in words, text
+    assert "The rates limit how fast it slows down at the end." in words
+    (row,) = re.findall(r" 0 joint1 .* rad/s (\S+) rad/s\^2 1 joint2 ", words)
+    (least,) = set(np.round(program(command).context.drives.rates, 4))
+    assert float(row) == pytest.approx(least, rel=1e-4)
     assert "torque" not in header.replace("0 torques, 1 velocities", "")
 
 

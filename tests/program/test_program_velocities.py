@@ -9,7 +9,9 @@ import pytest
 from random_states import States
 
 from taskspec.control.servo import Following, ServoReference, excursions, transition
+from taskspec.program.drives import VELOCITY_FADING
 from taskspec.program.limits.bounds import COMMAND, JOINT, VELOCITY_SHARE
+from taskspec.program.stages.carried_torque import carrying
 
 RNG = np.random.default_rng(11)
 
@@ -127,3 +129,15 @@ def test_excursions_are_what_the_worst_commands_make_of_a_reference(ratio):
         assert np.abs(reached).max() == pytest.approx(most, rel=1e-3)
     wild = answer(RNG.choice([-1.0, 1.0], 300))
     assert np.abs(wild).max() <= acceleration * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("bound", [np.inf, 10.0])
+def test_what_the_last_stage_commanded_fades_within_half_a_period_of_the_bandwidth(bound):
+    """Or, where the joint with most of it would change by more than the bound, as fast as that."""
+    carry = carrying(2, bound, 20.0 / VELOCITY_FADING)
+    for last, time in (([0.1, 0.01], 0.025), ([-1.0, 0.5], 0.025 if np.isinf(bound) else 0.1)):
+        step, rate, most = (np.array(each).ravel() for each in carry(last, [0.0, 0.0]))
+        assert list(step) == last
+        assert most == pytest.approx(max(np.abs(last)))
+        assert 1 / rate == pytest.approx(time)
+    assert not np.any([*map(float, carry([1.0, 1.0], [1.0, 1.0])[1:])])

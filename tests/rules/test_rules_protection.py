@@ -156,6 +156,13 @@ def test_the_summary_says_how_near_a_run_came(tmp_path):
     assert not list(sentences(plain.summary))
 
 
+def test_an_arm_that_is_commanded_no_torques_is_not_held_to_their_rates(tmp_path):
+    bounds = "{source: s, joints: {speed: 3 rad/s, torque_rate: 1 N*m/s}}\n  command: velocity"
+    saved = run(task(MOVE, bounds).replace("100 mm, speed", "1 mm, speed"), tmp_path / "run")
+    found = [each["is"] for each in saved.summary["protection"]]
+    assert found == [f"speed of joint {i}" for i in range(1, 8)]
+
+
 def test_a_turn_is_watched(tmp_path):
     text = ARM + "stages:\n  swing: {axes: {rz: {move: 20 deg, speed: 30 deg/s}}}\n"
     bound = "{source: s, turn: {speed: 20 deg/s}}"

@@ -87,13 +87,11 @@ def test_a_command_that_is_not_carried_jumps(simulate):
         torque = [run[f"joint.{j}.torque"][near] for j in range(1, 7)]
         return np.abs(np.diff(command)).max(), np.abs(np.diff(torque)).max()
 
-    step, shock = jumps("as it is")
-    period, fading = 0.002, drives.VELOCITY_FADING
-    assert step <= 1.05 * fading * period
+    carried, shock = jumps("as it is")
     assert shock < 2.0
-    with patch.object(drives, "VELOCITY_FADING", 1e9):
+    with patch.object(drives, "VELOCITY_FADING", 1e-9):
         step, shock = jumps("not carried")
-    assert step > 10 * fading * period
+    assert carried < 0.2 * step
     assert shock > 10.0
 
 

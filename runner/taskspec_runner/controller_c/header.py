@@ -84,11 +84,9 @@ def _joints(program: Program, machine: Machine) -> list[str]:
     commanded = CommandedQuantity.of(program)
     rates = np.min([runner.stage.plan.torque_rates for runner in machine.runners], axis=0)
     # Positions are limited by how fast they change.
-    limited, dimension, rate = "velocity", VELOCITY, "acceleration"
-    if drives.torques:
-        limited, dimension, rate = "torque", FORCE, "rate limit"
+    limited, dimension = ("torque", FORCE) if drives.torques else ("velocity", VELOCITY)
     head = ("", "name", "q", "v", commanded.name, "start", "range", f"{limited} limit")
-    rows: list[tuple[str, ...]] = [(*head, rate)]
+    rows: list[tuple[str, ...]] = [(*head, "rate limit")]
     for i, name in enumerate(robot.joint_names):
         hinge = robot.hinges[i]
         own = (LENGTH, VELOCITY, commanded.dimension, dimension)
@@ -129,7 +127,7 @@ def _kept(machine: Machine) -> str:
     if not any(np.isfinite(runner.stage.plan.torque_rates).any() for runner in machine.runners):
         return said
     if not any(solves for _, solves in stages) and not drives.torques:
-        return f"{said} The accelerations are the servo's, and those of the end."
+        return f"{said} The rates limit how fast it slows down at the end."
     others = ", ".join(name for name, solves in stages if not solves)
     but = f", but not in {others}: what keeps them is 'solve: qp'" if others else ""
     return f"{said} So are their rates{but}."

@@ -174,8 +174,8 @@ class _Encoder:
                     0, ChannelColumn(self._channels[JOINT_STATES], self._joint_state, slots)
                 )
             if self._commanded:
-                channel, told = self._channels[JOINT_COMMANDS], commands[part]
-                columns.append(ChannelColumn(channel, self._joint_command, (now, told)))
+                channel, commanded = self._channels[JOINT_COMMANDS], commands[part]
+                columns.append(ChannelColumn(channel, self._joint_command, (now, commanded)))
             columns += self._posed({name: poses[name].rows(part) for name in known}, now)
             self._file.add(times[part], columns)
 

@@ -60,7 +60,7 @@ def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -
 
     A joint whose encoder gives nothing is carried and not damped. Torques change no faster than the
     last stage's limits and the robot's protection have. An arm that takes no torques is slowed down
-    by what it is commanded, as fast as its servo's limit of acceleration lets it.
+    by what it is commanded, as fast as limits of acceleration and jerk let a command change.
     """
     machine, bus = closed.machine, closed.bus
     slowing = None if plant.arm.servo is None else _Slowing(machine, plant.arm.servo, period)
@@ -129,13 +129,12 @@ class _Slowing:
 
     def __init__(self, machine: Machine, servo: JointServo, period: float) -> None:
         """Begins with where the servo is, and not with how far ahead it was commanded to be."""
-        robot = machine.stage.plan.context.loaded.task.robot
-        n, limit = len(machine.torque), robot.servo.acceleration
+        delay = machine.stage.plan.context.loaded.task.robot.servo.delay
         self._machine, self._positions, self._period = machine, servo.positions, period
-        self._step = period * np.broadcast_to(np.inf if limit is None else np.array(limit), n)
+        self._step = period * machine.drives.rates
         self._rate = servo.rate.copy() if servo.positions else machine.torque.copy()
         # What a steady motion was last commanded, by a servo that is late.
-        self._place = servo.reference + robot.servo.delay * servo.rate
+        self._place = servo.reference + delay * servo.rate
 
     def command(self, clock: float) -> Vector:
         """The command at an instant, in the machine's vector."""

@@ -39,7 +39,8 @@ def protected(program: Program, history: History, period: float) -> dict[str, An
 
     A list of what its log has, each with what it `is`, the `bound`, the `most` there was [SI],
     `text` of both, the `share` of the bound, and when [s]. Torque rates are differences of the
-    commanded torques over a control period, those of changes of stage among them.
+    commanded torques over a control period, those of changes of stage among them; an arm that is
+    commanded none has none.
 
     Args:
         program: that ran.
@@ -81,7 +82,7 @@ def protected(program: Program, history: History, period: float) -> dict[str, An
                     float(bound),
                     VELOCITY.on(rotation=turns),
                 )
-            else:
+            elif program.context.drives.torques:
                 rates = np.diff(columns[name], prepend=np.nan) / period
                 unit = "N*m/s" if turns else "N/s"
                 add(f"torque rate of joint {i + 1}", rates, float(bound), unit)

@@ -87,7 +87,7 @@ class StageRunner:
         )
         step = *(parameters[slots[name]] for name in (STEP, RATE)), self.carried
         self.carrying = BoundFunction(
-            carrying(len(torque), _fading(stage)), [last, self._closed_form], step
+            carrying(len(torque), *_fading(stage)), [last, self._closed_form], step
         )
         self.chooser, self.least_conditioning = None, -np.inf
         if stage.choice is not None:
@@ -195,7 +195,8 @@ class StageRunner:
         self.tracks.refresh(t)
 
 
-def _fading(stage: CompiledStage) -> float:
-    """How fast the command fades that a stage carries on, in its unit by 1 s."""
+def _fading(stage: CompiledStage) -> tuple[float, float]:
+    """How fast the command fades that a stage carries on: in its unit by 1 s, by a share of it."""
     context = stage.plan.context
-    return context.drives.fading * (context.period if context.drives.positions else 1.0)
+    drives = context.drives
+    return drives.fading * (context.period if drives.positions else 1.0), drives.fades

@@ -146,7 +146,7 @@ def _velocities(
     """
     context, law = plan.context, plan.law.control_law
     drives, period, n = context.drives, context.period, context.robot.n
-    assert drives.loop is not None
+    assert drives.timing is not None
     loops = [law.loop_damping(on_axis(gains, name)) for name in requests.names]
     at, unit = measurement.inputs.q, 1.0
     most = CommandRange(drives.most, drives.rates * period)
@@ -160,7 +160,7 @@ def _velocities(
     pressed = [
         Pressed(
             row,
-            GAIN_MARGIN * drives.loop.least_damping(Contact(heavy, row.stiffness)),
+            GAIN_MARGIN * drives.timing.along(heavy, Contact(row.stiffness)).least_damping()[0],
             measurement.gaps[row.name],
         )
         for row in contacts

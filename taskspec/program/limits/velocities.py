@@ -237,8 +237,8 @@ def _add_positions(found: Bounds, context: Context, commands: Commands) -> None:
 def _fastest(context: Context) -> Vector:
     """(n,) the velocity that a joint may be commanded [rad/s, m/s]."""
     drives = context.drives
-    assert drives.loop is not None
-    return np.asarray(VELOCITY_SHARE * drives.most / (1 + overshoot(drives.loop.ratio)))
+    assert drives.timing is not None
+    return np.asarray(VELOCITY_SHARE * drives.most / (1 + overshoot(drives.timing.ratio)))
 
 
 def _add_contact(
@@ -285,11 +285,11 @@ def _add_speeds(
     kept = [(slice(0, 3), min(speeds), VELOCITY, "speed")] if speeds else []
     if turn is not None and turn.speed:
         kept.append((slice(3, 6), turn.speed, ANGULAR_VELOCITY, "rate of turning"))
-    assert drives.loop is not None
+    assert drives.timing is not None
     share, rows = drives.approach(context.period), ca.SX(0, commands.wanted.shape[0])
     for own, limit, unit, what in kept:
         fastest = SPEED_SHARE * limit
-        most = fastest / (1 + overshoot(drives.loop.ratio))
+        most = fastest / (1 + overshoot(drives.timing.ratio))
         J = terms.J[own, :]
         # The arm has turned since: that alone makes another velocity of the same command.
         last = J @ commands.last - context.period * terms.drift[own]

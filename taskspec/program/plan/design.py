@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taskspec.control.servo import drive_gains
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import AxisPlant, Gains, rows
 from taskspec.laws.mechanism_form import damping_rate
+from taskspec.laws.servo_loop import Contact, DrivenAxis, ServoLoop
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.plan.contacts import StageContacts
@@ -148,11 +150,38 @@ class DesignRules:
                 period=period,
                 grip=environment.grip_damping(a) if self._contacts.held else None,
                 face=environment.face if a.is_rotation else 0.0,
-                servo=self._context.drives.loop,
+                servo=self._servo_loop(a, 1.0 / mobility[i, i]),
                 jammed=ratio / float(mobility[i, i]) if a in jams and ratio > FLIPPING else 0.0,
             )
             for i, a in enumerate(self._kinematics.axes)
         }
+
+    def _servo_loop(self, axis: Axis, h: float) -> ServoLoop | None:
+        """A force loop along an axis with so much effective mass; None over torques."""
+        timing = self._context.drives.timing
+        if timing is None:
+            return None
+        contact, face = self._environment.returns(axis), self._environment.face
+        if axis.is_rotation and face > contact.k:
+            contact = Contact(face)
+        robot = self._context.loaded.task.robot
+        felt = robot.sensor.at == "wrist" and not axis.is_rotation
+        carried = self._context.robot.tool_body.mass if felt else 0.0
+        stiffness = robot.servo.stiffness
+        # Of another number of joints it is for another robot, which a rule says.
+        if stiffness is None or len(stiffness) not in (1, self._context.robot.n):
+            alone = DrivenAxis.alone(h, timing.w, timing.ratio)
+            return ServoLoop(timing, alone, contact, carried)
+        H, J = self._context.start_inertia, self._kinematics.jacobian[self._kinematics.rows]
+        stiffnesses = np.broadcast_to(np.array(stiffness), len(H))
+        K, D = drive_gains(H, timing.w, timing.ratio, stiffnesses)
+        root, i = np.linalg.cholesky(H), self._kinematics.axes.index(axis)
+        # Joints, times the root of H transposed, are coordinates with the inertia one.
+        across = np.linalg.solve(root, J.T)
+        command = across @ np.linalg.inv(self._mobility)
+        into = np.linalg.inv(root)
+        arm = DrivenAxis(into @ K @ into.T, into @ D @ into.T, across[:, i], command[:, i])
+        return ServoLoop(timing, arm, contact, carried)
 
     def _may_jam(self, axis: Axis) -> bool:
         """Whether it is a force axis along which walls and their friction may hold the tool."""

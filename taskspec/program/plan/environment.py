@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import Axis
+from taskspec.laws.servo_loop import Contact
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
 from taskspec.program.plan.contacts import StageContacts
 from taskspec.program.plan.kinematics import StageKinematics
 from taskspec.program.plan.set_points import StageSetPoints
 from taskspec.program.world.frames import FrameModel
-from taskspec.program.world.stiffness import GRIP
+from taskspec.program.world.stiffness import GRIP, added_mass, contact_mobility
+from taskspec.program.world.touch import whole_tool
 from taskspec.shapes.solid import half_sizes, rounding, touched_whole
 
 Vector = NDArray[np.float64]
@@ -54,6 +56,25 @@ class StageEnvironment:
         """Nominal stiffness [N/m] of what the stage is about, 0 without any."""
         return self._stiffness(self._contacts.main)
 
+    def returns(self, axis: Axis) -> Contact:
+        """What returns a force along or about an axis where the run begins."""
+        context, name = self._context, self._contacts.of(axis) or self.bearers.get(axis)
+        step, k, d, m = 1.0 / context.loaded.task.control.plant_rate, self.by_axis[axis], 0.0, 0.0
+        if self._contacts.gripped:
+            d = self.grip_damping(axis) if k > 0 else 0.0
+            m = d * step
+        elif name is not None:
+            reach = context.robot.tool.reach**2 if axis.is_rotation else 1.0
+            d = context.compliances[name].damping * reach
+            if (shape := context.loaded.task.shapes.get(name)) is not None:
+                whole = whole_tool(context.robot.tool, context.surfaces[name]) is not None
+                points = 1 if whole else len(context.robot.tool.radii)
+                added = added_mass(contact_mobility(context.robot, shape))
+                m = points * added * reach
+        for bushing, J in self._bushing_rates.items():
+            d += float(J[:, axis.row] @ context.bushings[bushing].damping @ J[:, axis.row])
+        return Contact(k, d, m)
+
     def stiffness_of(self, axis: Axis) -> float:
         """Nominal stiffness of what acts on an axis [N/m], 0 without any.
 
@@ -77,16 +98,23 @@ class StageEnvironment:
 
     @cached_property
     def _each_bushing(self) -> dict[str, Vector]:
+        found = {}
+        for name, J in self._bushing_rates.items():
+            K = J.T @ self._context.bushings[name].stiffness @ J
+            found[name] = np.where(np.abs(K) > _ROUNDING * np.abs(K).max(), K, 0.0)
+        return found
+
+    @cached_property
+    def _bushing_rates(self) -> dict[str, Vector]:
+        """(6, 6) rates of each bushing's coordinates per twist of the control point."""
         context, kinematics = self._context, self._kinematics
         R = kinematics.rotation
         about = np.cross(kinematics.lever, R, axisb=0, axisc=0)
         moved = np.block([[R, about], [np.zeros((3, 3)), R]])
-        found = {}
-        for name, model in context.bushings.items():
-            J = model.spring(context.start_p, context.start_R).J @ moved
-            K = J.T @ model.stiffness @ J
-            found[name] = np.where(np.abs(K) > _ROUNDING * np.abs(K).max(), K, 0.0)
-        return found
+        return {
+            name: model.spring(context.start_p, context.start_R).J @ moved
+            for name, model in context.bushings.items()
+        }
 
     def _bushed(self, axis: Axis) -> float:
         """Stiffness of the bushings along or about an axis [N/m, N m/rad]."""

@@ -19,6 +19,7 @@ from taskspec.control.state import ARM_LENGTH, TaskState
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
 from taskspec.laws.gains import AxisPlant, Gains
+from taskspec.laws.servo_loop import Contact
 from taskspec.program.context import Context
 from taskspec.program.slots import Slots
 from taskspec.program.world.equations import EquationModel, EquationTerms
@@ -126,12 +127,15 @@ def equation_gains(
     for name in names:
         model, normals = models[name], _normals(context, name)
         inverse = (normals * np.linalg.solve(context.start_inertia, normals)).sum(0)
+        timing, given = context.drives.timing, context.compliances[name]
+        h = 1.0 / inverse.max() if inverse.max() > 0 else 1.0
+        contact = Contact(given.stiffness, given.damping)
         plant = AxisPlant(
-            h=1.0 / inverse.max() if inverse.max() > 0 else 1.0,
+            h=h,
             held=share[name] / inverse.min() if inverse.min() > 0 else 1.0,
-            k=context.compliances[name].stiffness,
+            k=given.stiffness,
             period=context.period,
-            servo=context.drives.loop,
+            servo=None if timing is None else timing.along(h, contact),
         )
         for gain, value in law.design_equation(model.angular, plant, worth).items():
             gains.setdefault(gain, {})[name] = value
