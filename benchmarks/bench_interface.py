@@ -36,7 +36,8 @@ TASKS: dict[str, tuple[str, str, str] | None] = {
 }
 #: Laws that stages of a task have of their own, beside that of the file.
 OWN_LAWS = {"slot-insertion": ("stages.insert.law",)}
-TORQUE_LAWS, VELOCITY_LAWS = ("hybrid", "parallel"), ("force-velocity", "admittance")
+TORQUE_LAWS = ("hybrid", "parallel")
+VELOCITY_LAWS = ("force-velocity", "hybrid-velocity", "admittance")
 
 
 @dataclass(frozen=True)
@@ -150,6 +151,10 @@ _READING = """\
   seconds later. Land more slowly, lower the delay, or put a pad between.
 - `force-velocity` has an integral, so that a surface that moves leaves less of an error than under
   `admittance`, which has none.
+- `hybrid-velocity` is `force-velocity` where no limit is near. In `slot-insertion` it does not
+  seat the part: its program replaces set points
+  [that no contact returns](laws/limits.md#forces-that-contacts-cannot-return), and the file pushes
+  into an open slot. With `solve: closed-form` it seats it on the quick servo.
 """
 
 

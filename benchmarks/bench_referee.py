@@ -275,9 +275,10 @@ def _result(law: str, given: str, task: Path, folder: Path) -> Result:
 
 
 def table(results: list[Result]) -> Iterator[str]:
-    """The rows of a task."""
+    """The rows of a task; what a tick takes has a column where it was measured."""
+    timed = any(np.isfinite(each.taken) for each in results)
     heads = ("law", "outcome", "force error, rms", "overshoot", "peak", "settled")
-    heads += ("contact lost", "path error, rms", "a tick takes")
+    heads += ("contact lost", "path error, rms", *(["a tick takes"] if timed else []))
     yield f"| {' | '.join(heads)} |"
     yield f"|{' --- |' * len(heads)}"
     for each in results:
@@ -289,7 +290,8 @@ def table(results: list[Result]) -> Iterator[str]:
             settled = f"{m.settled:.2f} s" if np.isfinite(m.settled) else "never"
             cells = [f"{m.force_rms:.2f} N", f"{m.overshoot:.2f} N", f"{each.peak:.1f} N"]
             cells += [settled, f"{100 * m.lost:.1f} %", f"{1e3 * m.path_rms:.2f} mm"]
-        yield f"| {' | '.join([each.law, each.outcome, *cells, taken])} |"
+        cells += [taken] if timed else []
+        yield f"| {' | '.join([each.law, each.outcome, *cells])} |"
 
 
 _COLOURS = ("#1f6f5c", "#b3541e", "#3b5ba9", "#8a4f9e", "#6b6b6b", "#c29a1c")
