@@ -29,7 +29,7 @@ from taskspec.expression import Expression, parse
 from taskspec.geometry.axis import ROTATIONS, Axis
 from taskspec.laws import LAWS
 from taskspec.laws.gains import AxisPlant
-from taskspec.laws.servo_loop import Contact, ServoLoop
+from taskspec.laws.servo_loop import Contact, ServoTiming
 from taskspec.modes import DEFAULT_RAMP, MOVE_SPEED
 from taskspec.motion.blend import BLEND_TIME
 from taskspec.motion.profile import RISE_TIME
@@ -113,11 +113,11 @@ AXES = {
     "force": AxisEntry(force=Expression("", parse("1 N", "sum"), FORCE)),
     "soft": AxisEntry(hold="start", damping=None, stiffness=800.0),
 }
-SERVO = ServoLoop(w=2 * math.pi * 20.0, ratio=1.0, delay=6e-3)
+SERVO = ServoTiming(w=2 * math.pi * 20.0, ratio=1.0, delay=4e-3, period=1e-3, tick=1e-3, step=1e-3)
 PLANTS = (
-    AxisPlant(h=3.0, held=8.0, k=20e3, period=1e-3, servo=SERVO),
-    AxisPlant(h=0.4, held=0.7, k=1e3, period=1e-3, servo=SERVO),
-    AxisPlant(h=1.5, held=2.0, k=2e5, period=4e-3, servo=SERVO),
+    AxisPlant(h=3.0, held=8.0, k=20e3, period=1e-3, servo=SERVO.along(3.0, Contact(20e3))),
+    AxisPlant(h=0.4, held=0.7, k=1e3, period=1e-3, servo=SERVO.along(0.4, Contact(1e3))),
+    AxisPlant(h=1.5, held=2.0, k=2e5, period=4e-3, servo=SERVO.along(1.5, Contact(2e5))),
 )
 
 
@@ -125,7 +125,12 @@ PLANTS = (
 @pytest.mark.parametrize("law", LAWS)
 def test_designed_gains_follow_the_documented_rules(law, plant):
     known = {"h": plant.h, "L": plant.held, "k": plant.k, "T": plant.period}
-    known["D_0"] = SERVO.least_damping(Contact(plant.h, plant.k), lag=5e-3)
+    assert plant.servo is not None
+    known["D_0"] = plant.servo.least_damping(lag=5e-3)[0]
+    if "force.integral" in LAWS[law].gain_names and LAWS[law].commands == "velocity":
+        # Beside the integral that the least without one has.
+        integral = plant.k / (8 * 3 * plant.servo.least_damping()[0])
+        known["D_0"] = plant.servo.least_damping(integral=integral)[0]
     rules: dict[tuple[str, str], str] = {}
     for row in table(LANGUAGE, "table: designed"):
         if law in words(row[0]):
@@ -144,6 +149,8 @@ def test_designed_gains_follow_the_documented_rules(law, plant):
             damped = Law(kind=law).design({Axis.X: replace_axis(axis, None, 5.0)}, {Axis.X: plant})
             assert damped["stiffness"][Axis.X].value == value(own.pop("stiffness"))
             known["K"] = 800.0
+            if LAWS[law].commands == "velocity":
+                known["D_0"] = plant.servo.least_damping(lag=5e-3, spring=800.0)[0]
         gains = {
             name: by_axis[Axis.X].value
             for name, by_axis in Law(kind=law).design({Axis.X: axis}, {Axis.X: plant}).items()
