@@ -62,9 +62,10 @@ def remedies(
     stuck = None if analysed.sticking else analysed.stuck()
     quiet = replace(search, good=QUIET)
     ways = [quiet, search] if stuck is None else [replace(quiet, beside=(stuck,)), quiet, search]
+    designed = _designed_damping(analysed, axis)
     for way in ways:
         best = _best(analysed, way, axis)
-        if budget.take():
+        if not designed and budget.take():
             best += [each for each in way.robot() if each.what != BANDWIDTH and each.value > 0]
         if best:
             return [_well_inside(limit) for limit in best]
@@ -74,16 +75,21 @@ def remedies(
 def _best(analysed: SampledStage, search: Search, axis: str) -> list[Limit]:
     """Changes of gains, and of the stiffness of contacts, of one kind of search."""
     best = list(itertools.islice(_gains(analysed, search, axis), _MOST_PROPOSED))
-    gains = [analysed.stage.plan.gains.get(what, {}) for what in ("damping", "force.damping")]
-    designed = any(axis in by and by[axis].origin != "file" for by in gains)
-    if designed and not analysed.context.loaded.task.robot.takes_torques:
-        return best  # It is designed for the stiffness of the contact, and would change with it.
+    takes_torques = analysed.context.loaded.task.robot.takes_torques
+    if not takes_torques and _designed_damping(analysed, axis):
+        return best
     for name in analysed.pressed:
         left = search.budget is None or search.budget.left > 0
         if search.task is None and name in analysed.context.surfaces and left:
             limit = search.stiffness(name)
             best += [limit] if limit is not None and limit.upper else []
     return best
+
+
+def _designed_damping(analysed: SampledStage, axis: str) -> bool:
+    """Whether an axis has a designed damping: under a servo contact and delays would change it."""
+    gains = [analysed.stage.plan.gains.get(what, {}) for what in ("damping", "force.damping")]
+    return any(axis in by and by[axis].origin != "file" for by in gains)
 
 
 def _well_inside(limit: Limit) -> Limit:

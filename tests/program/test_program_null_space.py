@@ -100,7 +100,7 @@ stages: {{press: {{axes: {{x: {{velocity: 20 mm/s}}, z: {{force: -10 N}}}}, time
 def pressing(law, goals):
     """Arm and machine of a press whose torques are not saturated."""
     context = prepare(load_text(PRESS.format(law=law, goals=goals), "press.yaml"))
-    context = replace(context, robot=replace(context.robot, torque_limit=np.full(N, np.inf)))
+    context = replace(context, drives=replace(context.drives, most=np.full(N, np.inf)))
     stage = compile_stage(StagePlan(context, "press"))
     lengths = (N, N, 6, 0, N, sum(length for _, length in fields(0)))
     views = tuple(np.zeros(length) for length in lengths)

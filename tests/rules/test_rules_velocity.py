@@ -86,7 +86,7 @@ def _in_series(pad):
         (
             "{{kind: force-velocity, force: {{proportional: {proportional}}}}}",
             {"proportional": "6", "command": "position"},
-            {"proportional", "delay"},
+            {"proportional"},
         ),
         (INTEGRAL, _D | {"integral": "120 1/s"}, {"integral", "stiffness", "delay"}),
         (PI, _D | {"proportional": "5", "delay": "8 ms"}, {"proportional", "stiffness"}),
