@@ -56,7 +56,8 @@ TASKS = {
         "robot: {model: panda, start: {xyz: [500 mm, 0, 322 mm]}, command: velocity, servo: panda, "
         "tool: {shape: sphere, length: 100 mm}}\n"
         "world: {floor: {shape: plane, xyz: [0, 0, 320 mm], stiffness: 20 kN/m, friction: 0.3}}\n"
-        "law: {kind: admittance, solve: qp, damping: {linear: 300 N*s/m, angular: 5 N*m*s/rad}}\nlimits: {force: 12 N}\n"
+        "law: {kind: admittance, solve: qp, damping: {linear: 300 N*s/m, angular: 5 N*m*s/rad}}\n"
+        "limits: {force: 12 N}\n"
         "stages: {press: {axes: {x: {force: 10 N}, z: {force: -30 N}}, time: 0.4 s}}\n"
     ),
 }
