@@ -48,7 +48,7 @@ LAG = 0.005
 #: What the arm presses with [N], and the part of it that it begins without. Over a damping of
 #: 1 N s/m a tenth of a newton is 0.1 m/s, at 100 Hz as much as drives can follow.
 LOAD, PUSH = 20.0, 0.005
-#: From this part of the load on a growing force is looked at no more.
+#: From this part of the load on a growing force is not evaluated any more.
 LARGE = 0.05
 #: Periods of the predicted oscillation that a run lasts.
 SWINGS = 40
@@ -156,7 +156,7 @@ class PressLoop:
     def growth(self, damping: float) -> float:
         """How fast the force of a run comes to leave its set point [1/s]; negative if it settles.
 
-        Its change from tick to tick is looked at through Hann windows, one over the last third of
+        Its change from tick to tick is taken through Hann windows, one over the last third of
         the run and one over the third before; a run that becomes large ends there.
         """
         [stage] = self.program.stages

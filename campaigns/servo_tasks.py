@@ -152,7 +152,7 @@ def _sound(program: Program) -> Program | None:
 
 @dataclass(frozen=True)
 class Looked:
-    """A press whose loop was looked at.
+    """A press whose loop was analysed.
 
     Attributes:
         press: which. growth: of what grows most in its loop, or 0 [1/s]. least: damping at which
@@ -241,7 +241,7 @@ def settled(press: Press, program: Program) -> bool:
 def campaign(tasks: int, every: int, first: int, rows: Path) -> Iterator[Looked]:
     """So many presses that an arm can do; those whose number `every` divides are run as well.
 
-    What a line of `rows` already has is not looked at again.
+    What a line of `rows` already has is not analysed again.
     """
     rows.parent.mkdir(parents=True, exist_ok=True)
     rows.touch()

@@ -158,13 +158,15 @@ def drive_gains(H: Any, frequency: Any, ratio: Any, stiffness: Any | None) -> tu
         H: (n, n) inertia [kg m^2, kg].
         frequency: w [rad/s].
         ratio: zeta.
-        stiffness: (n,) of the drives [N m/rad, N/m]; None for what the frequency makes of H.
+        stiffness: of the drives [N m/rad, N/m], (n,) or of numbers one for all; None for what the
+            frequency makes of H.
     """
     if stiffness is None:
         return frequency**2 * H, 2 * ratio * frequency * H
     if isinstance(H, ca.SX):
         return ca.diag(stiffness), ca.diag(2 * ratio * ca.sqrt(stiffness * ca.diag(H)))
-    return np.diag(stiffness), np.diag(2 * ratio * np.sqrt(stiffness * np.diag(H)))
+    each = np.broadcast_to(np.array(stiffness), len(H))
+    return np.diag(each), np.diag(2 * ratio * np.sqrt(each * np.diag(H)))
 
 
 def growth(H: Array, K: Array, D: Array, period: float, steps: int) -> float:

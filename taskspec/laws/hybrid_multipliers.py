@@ -37,7 +37,6 @@ class HybridMultipliers(ControlLaw):
     gains = (BANDWIDTH, DAMPING_RATIO, FORCE_PROPORTIONAL, FORCE_INTEGRAL, FORCE_DAMPING)
     derived = (K_P, K_D)
     mechanism_form = True
-    dual = "hybrid-velocity"
     force_loop = True
     multipliers = True
     selects = True

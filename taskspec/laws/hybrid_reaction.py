@@ -36,7 +36,6 @@ class HybridReaction(ControlLaw):
     gains = (BANDWIDTH, DAMPING_RATIO, FORCE_PROPORTIONAL, FORCE_DAMPING)
     derived = (K_P, K_D)
     mechanism_form = True
-    dual = "hybrid-velocity"
     force_loop = True
     multipliers = True
     selects = True

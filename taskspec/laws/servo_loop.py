@@ -34,11 +34,11 @@ Frequencies = NDArray[np.float64]
 Response = NDArray[np.complex128]
 Matrix = NDArray[np.float64]
 
-#: Frequencies at which a loop is looked at first, and those between two where it turns over.
+#: Frequencies at which a loop is evaluated first, and those between two where it turns over.
 _COARSE, _FINE = 500, 50
 #: The lowest of them as a share of the highest.
 _LOWEST = 1e-4
-#: Rounds of looking closer, each of which leaves a fiftieth.
+#: Rounds of evaluating it closer, each of which leaves a fiftieth.
 _CLOSER = 3
 
 

@@ -68,7 +68,7 @@ def _unstable(task: TaskPlan, servo: Servo, place: KeyPath) -> Iterator[Finding]
     def grows(share: float) -> bool:
         """Whether it is unstable with a share of its stiffness."""
         w, own = 2 * math.pi * servo.bandwidth * math.sqrt(share), servo.stiffness
-        given = None if own is None else share * np.broadcast_to(own, len(H))
+        given = None if own is None else share * np.array(own)
         return growth(H, *drive_gains(H, w, servo.damping, given), 1 / servo.rate, steps) > 1
 
     if not grows(1.0):

@@ -13,9 +13,10 @@ from taskspec.faults import DEVICES, ENCODER, KINDS, SENSOR, TORQUE, FaultKind, 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
-from taskspec.spec.model import Model, mapping
+from taskspec.spec.model import Model
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.quantities import Constant
+from taskspec.spec.servo import command_of
 from taskspec.spec.words import NameReference, Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Items, Map, Real, Text, Whole
@@ -350,7 +351,7 @@ class Fault(_Lasting):
             context.error("TS026", message, data.node.key_span(given[1]), "write two faults")
             return
         device = given[0]
-        command = mapping(context.data.get("robot")).get("command", TORQUE)
+        command = command_of(context.data)
         if device == TORQUE and command != TORQUE:
             context.error(
                 "TS026",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES
-from taskspec.laws.gains import DEAD_BAND, Gains
+from taskspec.laws.gains import Gains
 from taskspec.modes import DEFAULT_RAMP
 from taskspec.program.bound import BoundFunction, evaluated
 from taskspec.program.context import Context
@@ -25,7 +25,6 @@ from taskspec.program.execution.tracks import Tracks
 from taskspec.program.ports import LAW, slices
 from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.slowed_path import AT, TIME
-from taskspec.program.slots import gain_slot
 from taskspec.program.stages.hand_over import SIZE
 from taskspec.program.stages.stage import FROZEN, CompiledStage
 from taskspec.program.world import estimated_frames
@@ -130,9 +129,6 @@ class Operating:
         if stage.choice is not None:
             given = [*self._arguments, self.memory, self.parameters]
             Chooser(stage.choice, stage.parameters, given).first()
-        for axis in stage.plan.gains.get(DEAD_BAND.name, ()):
-            # What a force moves is what may ring: the loop is that of a force beyond the band.
-            stage.parameters.write(self.parameters, gain_slot(DEAD_BAND.name, axis), 0.0)
         for axis in stage.plan.plans:
             if kept_slot(axis) in stage.parameters:
                 kept = stage.plan.set_points.of(axis) or 0.0

@@ -48,8 +48,7 @@ class LinearServo:
             return None
         servo = robot.servo
         w, period = 2 * math.pi * servo.bandwidth, 1.0 / servo.rate
-        stiffness = servo.stiffness and np.broadcast_to(np.array(servo.stiffness), len(H))
-        K, D = drive_gains(H, w, servo.damping, stiffness)
+        K, D = drive_gains(H, w, servo.damping, servo.stiffness)
         return LinearServo(
             period=period,
             every=round(control.plant_rate / servo.rate),

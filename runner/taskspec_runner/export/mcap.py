@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES
-from taskspec.spec.servo import COMMANDS
+from taskspec.spec.servo import TORQUE
 from taskspec_runner.export.cdr import MessageForm, stamps
 from taskspec_runner.export.chunks import ChannelColumn, ChunkedFile
 from taskspec_runner.export.foxglove import foxglove_layout
@@ -23,7 +23,7 @@ from taskspec_runner.export.robot_description import robot_description
 from taskspec_runner.export.scene import CONTROL_POINT, TASK_FRAME, TOOL, WORLD, RunScene
 from taskspec_runner.export.stream import LogStream
 from taskspec_runner.record.folder import json_text, mapping
-from taskspec_runner.record.history import History, history_of
+from taskspec_runner.record.history import History, commanded, history_of
 from taskspec_runner.record.names import SUMMARY, TASK
 
 JOINT_STATES, WRENCH, WRENCH_MEASURED = "/joint_states", "/wrench", "/wrench_measured"
@@ -109,8 +109,8 @@ class _Encoder:
         if len(names) != self._joints:
             names = [f"joint{i + 1}" for i in range(self._joints)]
         self._joint_state = _joint_state(names)
-        commands = (k for k in COMMANDS if f"joint.1.{k}.command" in log.units)
-        self._commanded = next(commands, "")
+        kind = commanded(log.units)
+        self._commanded = "" if kind == TORQUE else kind
         self._joint_command = _joint_state(names, self._commanded)
         self._wrench = MessageForm().header(CONTROL_POINT).numbers(6)
         self._pose = MessageForm().header(WORLD).numbers(7)
@@ -147,7 +147,7 @@ class _Encoder:
         if self._poses is not None:
             poses = dict(zip((TOOL, TASK_FRAME, CONTROL_POINT), self._poses.add(rows), strict=True))
         joints = self._joint_values(rows) if self._joints else []
-        commands = self._of_joints(rows, f"{self._commanded}.command")
+        commands = self._of_joints(rows, f"{self._commanded}.command") if self._commanded else None
         wrenches = {WRENCH: _wrench(rows, ""), WRENCH_MEASURED: _wrench(rows, ".measured")}
         names = self._signals.columns.values()
         values = np.column_stack([rows.columns[name] for name in names])
@@ -173,9 +173,9 @@ class _Encoder:
                 columns.insert(
                     0, ChannelColumn(self._channels[JOINT_STATES], self._joint_state, slots)
                 )
-            if self._commanded:
-                channel, commanded = self._channels[JOINT_COMMANDS], commands[part]
-                columns.append(ChannelColumn(channel, self._joint_command, (now, commanded)))
+            if commands is not None:
+                channel, sent = self._channels[JOINT_COMMANDS], commands[part]
+                columns.append(ChannelColumn(channel, self._joint_command, (now, sent)))
             columns += self._posed({name: poses[name].rows(part) for name in known}, now)
             self._file.add(times[part], columns)
 

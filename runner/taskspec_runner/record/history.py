@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred import pa
 from taskspec.deferred_methods import dataclass
+from taskspec.spec.servo import POSITION, TORQUE, VELOCITY
 from taskspec_runner.record.file_array import blocks, empty
 from taskspec_runner.record.mapped import GrowingColumns
 
@@ -47,6 +48,12 @@ class RecordedColumns(dict[str, Vector]):
     def __missing__(self, name: str) -> Vector:
         """Says which one is missing."""
         raise NotRecordedError(name)
+
+
+def commanded(columns: Container[str]) -> str:
+    """What the joints of a log's arm were commanded, by its columns: a word of `COMMANDS`."""
+    named = (kind for kind in (VELOCITY, POSITION) if f"joint.1.{kind}.command" in columns)
+    return next(named, TORQUE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS
 from taskspec.signals import SCALARS
-from taskspec.spec.servo import POSITION, TORQUE, VELOCITY
+from taskspec.spec.servo import TORQUE, VELOCITY
 from taskspec.text.units import LENGTH
 from taskspec_runner.pages.chart import (
     Chart,
@@ -25,7 +25,7 @@ from taskspec_runner.pages.chart import (
     size,
 )
 from taskspec_runner.pages.numbers import figure, quantity, scale
-from taskspec_runner.record.history import Vector
+from taskspec_runner.record.history import Vector, commanded
 from taskspec_runner.report.expected import JUDGED, with_bounds
 from taskspec_runner.report.rest_levels import rest_levels
 from taskspec_runner.report.selection import selected
@@ -303,15 +303,9 @@ def _tracked(run: Run, names: Sequence[str]) -> list[Drawn]:
 
 def _joint_torques(run: Run) -> Chart | None:
     """Torques as shares of their limits, where they have any."""
-    of = "Joint torques" if commanded(run) == "torque" else "Torques that the servo exerts"
+    of = "Joint torques" if commanded(run.columns) == TORQUE else "Torques that the servo exerts"
     bounds = _limits(run, "joint_limits")
     return _joints(run, "torque", bounds, f"{of}, share of their limits", _HIGHEST)
-
-
-def commanded(run: Run) -> str:
-    """What the joints of a run's arm were commanded: `torque`, `velocity` or `position`."""
-    named = (kind for kind in (VELOCITY, POSITION) if f"joint.1.{kind}.command" in run.columns)
-    return next(named, TORQUE)
 
 
 def _joint_commands(run: Run) -> Chart | None:
@@ -319,7 +313,7 @@ def _joint_commands(run: Run) -> Chart | None:
 
     Such a position is ahead of its joint by what the servo is late, and gives way under load.
     """
-    kind = commanded(run)
+    kind = commanded(run.columns)
     if kind == TORQUE:
         return None
     names = [n for n in run.columns if n.startswith("joint.") and n.endswith(f".{kind}.command")]

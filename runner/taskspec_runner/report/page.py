@@ -41,6 +41,7 @@ from taskspec_runner.pages.samples import density, page_data
 from taskspec_runner.pages.timeline import Timeline, tints
 from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.record.folder import mapping, mappings, number
+from taskspec_runner.record.history import commanded
 from taskspec_runner.record.names import REPORT
 from taskspec_runner.record.whole import write_whole
 from taskspec_runner.report import annotated, figures, recorded, tables, to_rest
@@ -345,7 +346,7 @@ def _facts(run: Run) -> Iterator[tuple[str, str]]:
     seed = run.manifest.get("seed", run.summary.get("seed"))
     yield "Robot", run.robot
     yield "Law", law
-    if (command := figures.commanded(run)) != TORQUE:
+    if (command := commanded(run.columns)) != TORQUE:
         yield "Commanded", f"joint {PLURALS[command]}"
     yield "World", ", ".join(map(_text, objects)) if isinstance(objects, list) else ""
     yield "Duration", f"{run.end if duration is None else duration:.3f} s"

@@ -290,8 +290,7 @@ def _serve(
 ) -> None:
     """Gives the example's joints MuJoCo's own servos, with the gains of the file's at the start."""
     servo = robot.servo
-    stiffness = servo.stiffness and np.broadcast_to(np.array(servo.stiffness), len(inertia))
-    K, D = drive_gains(inertia, 2 * np.pi * servo.bandwidth, servo.damping, stiffness)
+    K, D = drive_gains(inertia, 2 * np.pi * servo.bandwidth, servo.damping, servo.stiffness)
     for i, name in enumerate(joints):
         drive, positions = spec.actuator(name), robot.command == "position"
         drive.biastype = mujoco.mjtBias.mjBIAS_AFFINE

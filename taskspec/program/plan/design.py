@@ -165,16 +165,15 @@ class DesignRules:
         if axis.is_rotation and face > contact.k:
             contact = Contact(face)
         robot = self._context.loaded.task.robot
-        felt = robot.sensor.at == "wrist" and not axis.is_rotation
-        carried = self._context.robot.tool_body.mass if felt else 0.0
+        sensed = robot.sensor.at == "wrist" and not axis.is_rotation
+        carried = self._context.robot.tool_body.mass if sensed else 0.0
         stiffness = robot.servo.stiffness
         # Of another number of joints it is for another robot, which a rule says.
         if stiffness is None or len(stiffness) not in (1, self._context.robot.n):
             alone = DrivenAxis.alone(h, timing.w, timing.ratio)
             return ServoLoop(timing, alone, contact, carried)
         H, J = self._context.start_inertia, self._kinematics.jacobian[self._kinematics.rows]
-        stiffnesses = np.broadcast_to(np.array(stiffness), len(H))
-        K, D = drive_gains(H, timing.w, timing.ratio, stiffnesses)
+        K, D = drive_gains(H, timing.w, timing.ratio, stiffness)
         root, i = np.linalg.cholesky(H), self._kinematics.axes.index(axis)
         # Joints, times the root of H transposed, are coordinates with the inertia one.
         across = np.linalg.solve(root, J.T)
