@@ -58,8 +58,12 @@ def test_a_run_on_a_library_is_set_as_any_other(tmp_path, monkeypatch) -> None:
     ):
         done = run.invoke(app, ["run", "touch.yaml", *given, "--out", out, "--quiet"])
         assert done.exit_code == 0, done.output
-    own, driven, still = ((tmp_path / out / "log.arrow").read_bytes() for out in (
-        *("own", "by-c"), "still",
-    ))
+    own, driven, still = (
+        (tmp_path / out / "log.arrow").read_bytes()
+        for out in (
+            *("own", "by-c"),
+            "still",
+        )
+    )
     assert own == driven
     assert own != still

@@ -253,9 +253,7 @@ def _params(task: Task) -> list[FmuVariable]:
         goes = f"goes to at {rate}" if rate else "jumps to"
         text = f"what the param {name} {goes}; beyond its range the nearest value in it"
         start = repr(param.value)
-        set_to.append(
-            FmuVariable(f"set.{name}", "Float64", "input", text, start, unit, range=ends)
-        )
+        set_to.append(FmuVariable(f"set.{name}", "Float64", "input", text, start, unit, range=ends))
         text = f"value of the param {name}"
         values.append(FmuVariable(f"param.{name}", "Float64", "output", text, None, unit))
     return set_to + values

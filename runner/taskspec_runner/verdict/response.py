@@ -74,7 +74,7 @@ def response(
     allowed: tuple[float | None, float | None] = (None, None),
     moves: Vector | None = None,
 ) -> Response | None:
-    """The response of one visit, or a part of it; None where the reference does not stay at a set point.
+    """The response of a visit or of its last part; None where the reference does not stay.
 
     Args:
         values: (n,) truth [SI].
