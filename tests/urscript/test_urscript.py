@@ -106,6 +106,15 @@ def test_lines_of_losses_are_those_of_the_file():
     assert f"# LOST ({EXAMPLE}.yaml:{force.line}): {force.text}" in script.text
 
 
+def test_a_live_param_stays_where_the_file_begins_and_that_is_said():
+    live = "params: {press: {value: 5 N, live: 2..8 N}}\nstages:\n"
+    stage = "  a: {axes: {z: {force: -press}}, time: 1 s}\n"
+    script = script_of(plan_task(load_text(_HEAD.replace("stages:\n", live) + stage, "made.yaml")))
+    said = [loss.text for loss in script.all_losses]
+    assert any(text.startswith("the param press stays at 5 N: nothing sets it") for text in said)
+    assert "global PRESS = 5.0  # N" in script.text
+
+
 # Physics
 
 

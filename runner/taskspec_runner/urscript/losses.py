@@ -11,7 +11,7 @@ from taskspec.modes import FollowsAxes, Move, OnPath, Position
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.spec import FILE, KeyPath, Law, LoadedTask, Sensor
 from taskspec.spec.servo import PLURALS
-from taskspec.text.units import FREQUENCY, show
+from taskspec.text.units import FREQUENCY, fitting, show
 from taskspec_runner.urscript.refusals import UNIVERSAL_ROBOTS
 from taskspec_runner.urscript.script import Loss
 
@@ -54,6 +54,13 @@ def _of_task(plan: TaskPlan) -> Iterator[tuple[KeyPath, str]]:
     if not robot.takes_torques:
         text = f"the joint {PLURALS[robot.command]} and their servo: the robot's own follow servoj"
         yield FILE.robot.command, f"{text} and force_mode"
+    for name, param in task.live.items():
+        unit = next(iter(fitting(param.dimension)), "")
+        yield (
+            FILE.params[name],
+            f"the param {name} stays at {show(param.value, unit)}: nothing sets it while the "
+            "program runs; write another value into the program",
+        )
     own = [key for key in _OF_SENSOR if getattr(robot.sensor, key) != getattr(Sensor(), key)]
     if own:
         keys = " and ".join(own)
