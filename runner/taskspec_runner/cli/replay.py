@@ -134,7 +134,7 @@ def camera_place(text: str, otherwise: str = "") -> tuple[float, float, float]:
         azimuth = elevation = distance = math.nan
     if not (math.isfinite(azimuth) and abs(elevation) <= 90 and 0.05 <= distance <= 100):
         raise InputError(
-            f"--camera needs {otherwise}azimuth and elevation in degrees and a distance in metres, such as "
-            f"120,-20,1.2, not {text!r}"
+            f"--camera needs {otherwise}azimuth and elevation in degrees and a distance in metres, "
+            f"such as 120,-20,1.2, not {text!r}"
         )
     return azimuth, elevation, distance
