@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from short_tasks import DRUM, TAP, UNFOLD
 from sweeps import VARY
 
+import taskspec_runner
 from taskspec.spec import load_text
 from taskspec_runner.dataset import export_dataset, source
 from taskspec_runner.dataset.features import FrameLayout
@@ -294,6 +295,23 @@ def test_a_reference_in_a_fixed_frame_is_that_of_the_log(tap: Path, tmp_path: Pa
     # Along x the second stage has a force, and its reference is where the tip is.
     place = found["observation.state"][~approaching, 4]
     assert found["action"][~approaching, 0] == pytest.approx(place, abs=1e-7)
+
+
+def test_live_params_are_commanded(tap: Path, tmp_path: Path) -> None:
+    text = TAP.replace("press: 5 N", "press: {value: 5 N, live: 3..6 N, rate: 5 N/s}")
+    loaded = load_text(text, "task.yaml")
+    # It goes there at its rate, in 0.2 s.
+    folder = taskspec_runner.run(loaded, out=tmp_path / "run", live=["press = 4 N @ 0.1 s"]).folder
+    export_dataset([source_of(folder)], tmp_path / "made", 100)
+    info = json.loads((tmp_path / "made/meta/info.json").read_text())
+    assert info["features"]["action"]["names"][15:] == ["param.press"]
+    found = frames(tmp_path / "made")
+    pressed = found["action"][:, 15]
+    assert pressed == pytest.approx(Run(folder).history.columns["param.press"][found["log_row"]])
+    assert (pressed[0], pressed[-1]) == (5.0, pytest.approx(4.0, abs=1e-9))
+    done = call("export", tap, folder, "--lerobot", tmp_path / "both")
+    assert done.exit_code == 2
+    assert "at 1000 Hz with param.press" in done.output
 
 
 def test_a_reference_of_joints_is_where_they_put_the_tip(tmp_path: Path) -> None:

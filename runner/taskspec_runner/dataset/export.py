@@ -101,12 +101,13 @@ def _check_empty(path: Path) -> None:
 
 def _check_same(layout: FrameLayout, name: str, other: FrameLayout, first: str) -> None:
     def words(of: FrameLayout) -> str:
-        return f"{of.robot} with {of.joints} joints at {of.rate:g} Hz"
+        live = f" with {', '.join(of.live)}" if of.live else ""
+        return f"{of.robot} with {of.joints} joints at {of.rate:g} Hz{live}"
 
     if layout != other:
         raise InputError(
             f"{name} is a run of {words(layout)}, {first} of {words(other)}; a dataset has one "
-            "robot and one rate: export them into folders of their own"
+            "robot, one rate and the same live params: export them into folders of their own"
         )
 
 

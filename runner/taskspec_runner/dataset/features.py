@@ -80,6 +80,7 @@ class FrameLayout:
         joints: how many.
         rate: of the log [Hz].
         fps: frames a second.
+        live: columns of the params that may be set while a stage runs.
         camera: height and width of a picture [px]; None without.
     """
 
@@ -87,6 +88,7 @@ class FrameLayout:
     joints: int
     rate: float
     fps: int
+    live: tuple[str, ...] = ()
     camera: tuple[int, int] | None = None
 
     @property
@@ -103,7 +105,7 @@ class FrameLayout:
             *(f"tip.{each}" for each in POSE),
             *EFFORT,
         )
-        action = (*(f"tip.{each}" for each in POSE), *EFFORT)
+        action = (*(f"tip.{each}" for each in POSE), *EFFORT, *self.live)
         window = self.window
         yield Feature(
             STATE,
@@ -130,8 +132,8 @@ class FrameLayout:
             (len(action),),
             action,
             "what was commanded at the frame: the reference pose of the tool's tip in the world, "
-            "as in the state, and the set point of the wrench in the tool's axes, 0 on axes that "
-            "have none",
+            "as in the state, the set point of the wrench in the tool's axes, 0 on axes that have "
+            "none, and the values of live params in SI",
         )
         yield Feature(DONE, "bool", (1,), None, "the frame is the last one of its episode")
         yield Feature(

@@ -28,6 +28,7 @@ from taskspec_runner.dataset.features import (
 )
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.history import History, NotRecordedError, Visit
+from taskspec_runner.record.layout import param_column
 from taskspec_runner.runs import RebuildError, Run
 from taskspec_runner.verdict.replay import Replay
 
@@ -106,7 +107,13 @@ class RunFrames:
         return {
             STATE: np.column_stack([*state, pose, measured[rows]]),
             WRENCH: measured[np.maximum(rows[:, np.newaxis] - ages, 0)],
-            ACTION: np.hstack([_pose(*self._reference(rows)), self._efforts("ref")[rows]]),
+            ACTION: np.column_stack(
+                [
+                    _pose(*self._reference(rows)),
+                    self._efforts("ref")[rows],
+                    *(columns[name][rows] for name in self.layout.live),
+                ]
+            ),
         }
 
     @cached_property
@@ -262,5 +269,6 @@ def layout_of(run: Run, fps: int, camera: tuple[int, int] | None = None) -> Fram
             f"--fps {fps} is more than the log of {run.folder} has rows: {rate:g} a second; give "
             f"--fps {int(rate)} or less"
         )
-    robot = Path(context.loaded.task.robot.model).stem
-    return FrameLayout(robot, context.robot.n, rate, fps, camera)
+    task = context.loaded.task
+    live = tuple(map(param_column, task.live))
+    return FrameLayout(Path(task.robot.model).stem, context.robot.n, rate, fps, live, camera)
