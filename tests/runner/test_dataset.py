@@ -655,6 +655,21 @@ def test_nothing_is_written_over(tap: Path, tmp_path: Path) -> None:
     assert left(tmp_path) == ["file", "full"]
 
 
+def test_who_breaks_off_leaves_nothing(tap: Path, tmp_path: Path) -> None:
+    held: list[str] = []
+
+    def watch(_: Run, done: int, of: int) -> None:
+        held.extend(left(tmp_path))
+        assert (done, of) == (1, 2)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        export_dataset([source_of(tap), source_of(tap)], tmp_path / "made", watch=watch)
+    [name] = held
+    assert name.startswith(PARTIAL)
+    assert not left(tmp_path)
+
+
 def test_an_empty_folder_is_taken(tap: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     done = call("export", tap, "--lerobot", tmp_path / "empty")
