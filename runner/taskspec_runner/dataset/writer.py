@@ -217,7 +217,7 @@ class DatasetWriter:
                 "tags: [LeRobot]",
                 "configs: [{config_name: default, data_files: data/*/*.parquet}]",
                 "---",
-                f"{self.episodes} runs of taskspec on {layout.robot}, {self.frames} frames at "
+                f"Runs of taskspec on {layout.robot}: {self.episodes}, in {self.frames} frames at "
                 f"{layout.fps} a second. Forces and moments are what the robot applies. "
                 f"`{LOGS}/episode-NNNNNN.parquet` has every tick of an episode at {layout.rate:g} "
                 f"Hz with units of its columns; `log_row` is the row of a frame there.",
