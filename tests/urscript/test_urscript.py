@@ -109,7 +109,8 @@ def test_lines_of_losses_are_those_of_the_file():
 def test_a_live_param_stays_where_the_file_begins_and_that_is_said():
     live = "params: {press: {value: 5 N, live: 2..8 N}}\nstages:\n"
     stage = "  a: {axes: {z: {force: -press}}, time: 1 s}\n"
-    script = script_of(plan_task(load_text(_HEAD.replace("stages:\n", live) + stage, "made.yaml")))
+    head = _HEAD.replace("{max: 40 N, then: away}", "40 N").replace("stages:\n", live)
+    script = script_of(plan_task(load_text(head + stage, "made.yaml")))
     said = [loss.text for loss in script.all_losses]
     assert any(text.startswith("the param press stays at 5 N: nothing sets it") for text in said)
     assert "global PRESS = 5.0  # N" in script.text
