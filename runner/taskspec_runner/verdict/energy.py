@@ -511,14 +511,17 @@ def _winding(period: float) -> ca.Function:
 
 def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
     """Where stages gained energy by themselves, and by what."""
-    for each in summary.get("energy", ()):
-        if "gained" in each:
-            gained = each["gained"]
-            amount, work = (_joules(gained[key]) for key in ("energy", "work"))
-            yield (
-                f"stage {each['stage']} gained {amount} by itself from {gained['start']:.3f} to "
-                f"{gained['end']:.3f} s: {work} by {WORDS[gained['by']]}"
-            )
+    yield from (gain_text(each) for each in summary.get("energy", ()) if "gained" in each)
+
+
+def gain_text(data: Mapping[str, Any]) -> str:
+    """What a stage gained by itself, of its entry in a summary."""
+    gained = data["gained"]
+    amount, work = (_joules(gained[key]) for key in ("energy", "work"))
+    return (
+        f"stage {data['stage']} gained {amount} by itself from {gained['start']:.3f} to "
+        f"{gained['end']:.3f} s: {work} by {WORDS[gained['by']]}"
+    )
 
 
 def _joules(value: float) -> str:
