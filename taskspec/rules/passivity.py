@@ -23,6 +23,8 @@ Vector = NDArray[np.float64]
 
 #: How far a stage without an end is looked at [s], and at how many times at most.
 _LONGEST, _TIMES = 60.0, 20_000
+#: A stage of fewer ticks changes nothing.
+_FEWEST = 3
 #: At so many of them gains are designed anew, where they follow the stiffness.
 _DESIGNS = 64
 
@@ -47,6 +49,8 @@ def rising_stiffness(stage: StagePlan) -> Iterator[Finding]:
         most = min(stage.longest, _LONGEST)
         times = np.linspace(0.0, most, min(round(most / stage.context.period), _TIMES) + 1)
         k, k_rate = _course(stage, formula, times)
+        if len(times) < _FEWEST or not np.min(k) > 0:
+            continue  # What is not positive, TS218 reports.
         d, d_rate, h = _dampers(stage, on, times)
         alpha = float(np.min(d)) / h
         beyond = k_rate + alpha * d_rate - 2 * alpha * k

@@ -19,7 +19,7 @@ from taskspec_runner import run
 from taskspec_runner.trial.check import check
 from taskspec_runner.verdict.energy import INNER, PORTS, RunEnergies
 
-SECTION = "4.1 Impedance control"
+SECTION = "4.1 Impedance, PD and stiffness control"
 T = 1e-3
 #: What PD with gravity compensation has no torque of its own for: none of them is redundant.
 ARMS = [presses.SQUARE, presses.PLANAR3, presses.UR5E]

@@ -303,8 +303,11 @@ def _power(run: Run) -> Chart | None:
 #: The energies of a law, and the terms that change what it stores, with their colours.
 _STORED = {"energy.lyapunov": "ink", "energy.kinetic": "x", "energy.spring": "y",
            "energy.contact": "z"}  # fmt: skip
-_TERMS = {"contact": "z", "reference": "x", "force": "y", "integral": "j3", "gains": "j4",
-          "torques": "j5", "sampling": "j6", "rest": "muted", "dissipated": "j0"}  # fmt: skip
+_TERMS = {"contact": "j0", "reference": "j1", "force": "j2", "integral": "j3", "gains": "j4",
+          "torques": "j5", "sampling": "j6", "rest": "muted", "dissipated": "ink"}  # fmt: skip
+
+
+_TOGETHER = "together"
 
 
 def _energies(run: Run) -> Iterator[Chart]:
@@ -320,7 +323,7 @@ def _energies(run: Run) -> Iterator[Chart]:
     works["dissipated"] = -works["dissipated"]
     most = size([stored["energy.stored"], *works.values()])
     lines = [(n, v, _TERMS[n]) for n, v in works.items() if size([v]) > _SEEN * most]
-    lines.append(("together", reduce(np.add, works.values()), "ink"))
+    lines.append((_TOGETHER, reduce(np.add, works.values()), "ink"))
     note = "work since each stage began; dissipated is taken out, and together they are stored"
     yield _of_energy(run, "work", "What changes the stored energy", lines, note)
 
@@ -330,7 +333,13 @@ def _of_energy(
 ) -> Chart:
     factor, unit = scale("J", size([values for _, values, _ in lines]))
     traces = tuple(
-        Trace(name.removeprefix("energy."), values * factor, role, "line", name)
+        Trace(
+            name.removeprefix("energy."),
+            values * factor,
+            role,
+            "reference" if name == _TOGETHER else "line",
+            name,
+        )
         for name, values, role in lines
     )
     bounds = bands(run, [name for name, *_ in lines], factor)
