@@ -184,6 +184,8 @@ def _no_energy(stage: StagePlan, name: str) -> str | None:
         return f"{stage.law.kind!r} states no energy that it stores; laws that do: {having}"
     if name == "energy.lyapunov" and law.force_loop:
         return f"{stage.law.kind!r} has a force loop, whose Lyapunov function is local (4.62)"
+    if name == "energy.lyapunov" and stage.law.varying:
+        return "gains vary here, and put energy in: no such function falls"
     return None
 
 
