@@ -76,7 +76,13 @@ def _timed(context: Context, formula: Expression) -> bool:
     """Whether an expression goes by the time of its stage alone."""
     names = {str(node): node for node in walk(formula.tree) if isinstance(node, Name)}
     of_time = names.pop("t", None) is not None
-    return of_time and all(constant(context, node) is not None for node in names.values())
+    return of_time and all(_number(context, node) is not None for node in names.values())
+
+
+def _number(context: Context, name: Name) -> float | None:
+    """The value of a name that stays what it is, None of another one."""
+    known = constant(context, name)
+    return None if known is None or known.low != known.high else known.low
 
 
 def _course(stage: StagePlan, formula: Expression, times: Vector) -> tuple[Vector, Vector]:
@@ -86,8 +92,8 @@ def _course(stage: StagePlan, formula: Expression, times: Vector) -> tuple[Vecto
     def lookup(name: Name) -> Series:
         if str(name) == "t":
             return Series(times, everywhere)
-        known = constant(stage.context, name)
-        return Series.one(np.nan if known is None else known.low)
+        known = _number(stage.context, name)
+        return Series.one(np.nan if known is None else known)
 
     values = evaluate(formula.tree, SeriesAlgebra(), lookup).values
     return values, np.gradient(values, times)
@@ -105,8 +111,7 @@ def _designed(stage: StagePlan, on: str, t: float) -> tuple[Gain, Gain]:
     """Damping and mass on an axis at a time of the stage."""
 
     def start(name: Name) -> float:
-        known = constant(stage.context, name)
-        return t if str(name) == "t" else 0.0 if known is None else known.low
+        return t if str(name) == "t" else _number(stage.context, name) or 0.0
 
     def worth(formula: Expression) -> float:
         if _timed(stage.context, formula):

@@ -273,7 +273,7 @@ def _energy(name: str, meaning: str, unmeasured: str = "") -> None:
         unit="J" if stored else "",
         reference="a reference cannot depend on an energy that follows from it",
         unmeasured=unmeasured,
-        absent="its law states no such energy",
+        absent="its law states no such energy, or the log lacks what it is worked out of",
     )
     def _value(at: Situation) -> ca.SX | None:
         return at.energies().get(name)

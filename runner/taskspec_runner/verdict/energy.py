@@ -97,6 +97,12 @@ class StageEnergy:
         found: Vector = self.stored[0] + self.works["contact"]
         return found
 
+    @property
+    def _net(self) -> Vector:
+        """(n,) what has come from within, less what dampers took [J]."""
+        net: Vector = sum((self.works[name] for name in INNER), -self.works["dissipated"])
+        return net
+
     @cached_property
     def gain(self) -> tuple[int, int, str] | None:
         """First and last row of the greatest gain from within, and its greatest term; or none.
@@ -104,7 +110,7 @@ class StageEnergy:
         That is more than what ports brought and dampers took: the dissipation inequality of the
         storage function fails from the one row to the other.
         """
-        net = sum((self.works[name] for name in INNER), -self.works["dissipated"])
+        net = self._net
         last = int(np.argmax(net - np.minimum.accumulate(net)))
         first = int(np.argmin(net[: last + 1]))
         through = max(float(np.max(np.abs(self.works[name]))) for name in PORTS)
@@ -119,7 +125,7 @@ class StageEnergy:
         first, data = self.visit.first, dict[str, Any]()
         if self.gain is not None:
             start, end, by = self.gain
-            net = sum((self.works[name] for name in INNER), -self.works["dissipated"])
+            net = self._net
             data["gained"] = {
                 "start": float(clock[first + start]),
                 "end": float(clock[first + end]),
@@ -296,6 +302,8 @@ class _OfStage:
         nothing = np.zeros(visit.last + 1 - visit.first)
 
         def table(names: list[str]) -> Vector:
+            for name in history.unrecorded.intersection(names):
+                raise NotRecordedError(name)
             found = [columns[each][rows] if each in columns else nothing for each in names]
             return np.nan_to_num(np.stack(found, axis=1)) if names else np.zeros((len(nothing), 0))
 
