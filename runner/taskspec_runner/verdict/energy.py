@@ -48,7 +48,7 @@ PORTS = ("contact", "reference", "force")
 INNER = ("integral", "gains", "torques", "sampling", "rest")
 #: A gain of energy below this share of what was stored and went through a port is none: by some
 #: percent sampled loops are off their continuous rates. Nor is one below [J].
-_SHARE, _LEAST = 0.05, 1e-5
+_SHARE, _LEAST = 0.05, 1e-3
 #: Ticks of a run up to which its summary and its report have energies: ten minutes at 1 kHz.
 MOST = 600_000
 #: From so much on energies are said in joules [J].
@@ -118,7 +118,10 @@ class StageEnergy:
         if not net[last] - net[first] > most:
             return None
         put_in = {n: float(self.works[n][last] - self.works[n][first]) for n in INNER}
-        return first, last, max(put_in, key=lambda name: put_in[name])
+        by = max(put_in, key=lambda name: put_in[name])
+        # What is late lends as much as is stored, and takes it back: more than that is a gain.
+        lent = by == "rest" and net[last] - net[first] < np.max(self.stored)
+        return None if lent else (first, last, by)
 
     def as_data(self, clock: Vector) -> dict[str, Any]:
         """The entry of a summary; `clock` is (rows,) of the run [s]."""
