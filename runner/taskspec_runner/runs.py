@@ -553,7 +553,7 @@ class Run(Window):
         try:
             self._judged_so_far = tuple(
                 read_judged(plain(each.as_data()), whole=False)
-                for each in judge_run(self.program, self.history)
+                for each in judge_run(self.program, self.history, self.world.task)
             )
         except RebuildError as error:
             return str(error)

@@ -28,11 +28,17 @@ def judge(task: Task, history: History, elsewhere: Elsewhere) -> tuple[Judged, .
     return tuple(_judge(expectation, task, history, lookup) for expectation in task.expect)
 
 
-def judge_run(program: Program, history: History) -> tuple[Judged, ...]:
-    """Judges every expectation of a program's task on the ticks of its run."""
+def judge_run(program: Program, history: History, true: Task | None = None) -> tuple[Judged, ...]:
+    """Judges every expectation of a program's task on the ticks of its run.
+
+    Args:
+        program: that ran.
+        history: what it recorded.
+        true: the task with the world as it was; None for what its `truth` says.
+    """
     context = program.context
     replay = Replay(context.robot, context.frames, program.stages, history, context.moving_bases)
-    beside = RunEnergies(program, history).beside()
+    beside = RunEnergies(program, history, true).beside()
     return judge(context.loaded.task, beside, replay.signal)
 
 
