@@ -22,6 +22,7 @@ from taskspec.spec import Task
 from taskspec.text.units import si_unit
 from taskspec_runner.record.bus import TRUE, Bus
 from taskspec_runner.record.history import TO_REST, column_field, log_schema
+from taskspec_runner.record.reward import REWARD
 from taskspec_runner.record.truth import Truth
 
 Vector = NDArray[np.float64]
@@ -90,7 +91,10 @@ class LogLayout:
             sensed = signal in VECTORS and VECTORS[signal].sensed
             together.setdefault("wrench" if sensed else signal, []).append(name)
         self._together = {key: tuple(names) for key, names in together.items()}
-        self._truth = Truth(robot, task, stages, slices, true)
+        places = {
+            each.name: slices[each.field].start + each.row for each in self._layout if each.field
+        }
+        self._truth = Truth(robot, task, stages, slices, true, places)
         self._unknown = unknown
 
     @cached_property
@@ -236,6 +240,8 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
             if not signal.output:
                 yield Column(f"{owner}.{name}", si_unit(signal.dimensions[declared.kind]), "")
     yield from _of_equations(task)
+    if task.reward is not None and task.reward.rate:
+        yield Column(REWARD, "1/s", "")
 
 
 def _of_equations(task: Task) -> Iterator[Column]:

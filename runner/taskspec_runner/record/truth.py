@@ -23,6 +23,7 @@ from taskspec.robot import RobotModel
 from taskspec.signals import MovingPose, ObjectState, Situation
 from taskspec.spec import Shape, Task
 from taskspec_runner.record.bus import TRUE
+from taskspec_runner.record.reward import REWARD, rate_of
 
 if TYPE_CHECKING:
     from taskspec.native.rows import RowCode
@@ -50,6 +51,7 @@ class Truth:
         stages: Sequence[CompiledStage],
         fields: Mapping[str, slice],
         names: Sequence[str],
+        columns: Mapping[str, int],
     ) -> None:
         """Puts the formulas together, which are compiled at their first use.
 
@@ -59,6 +61,7 @@ class Truth:
             stages: of the program.
             fields: where the bus has each of its fields.
             names: of the signals.
+            columns: where the bus has those of the log that are numbers of it, by their names.
         """
         self.names, self.by_code = tuple(names), False
         row, self._places = _symbols(max(where.stop for where in fields.values()))
@@ -68,7 +71,8 @@ class Truth:
             if name.startswith(TRUE) and name != f"{TRUE}torque":
                 parts[name.removeprefix(TRUE)] = parts[name]
         objects = _objects(robot, task, parts)
-        kinds = [(stage.plan.axes, stage.plan.contacts.of_gap) for stage in stages]
+        rates = {} if task.reward is None else task.reward.rate
+        kinds = [(s.plan.axes, s.plan.contacts.of_gap, rates.get(s.name)) for s in stages]
         distinct = list(dict.fromkeys(kinds))
         #: Number of the situation of each stage, and where the bus has the stage.
         # As it is brought to rest it has the number of the stage that was broken off, behind all
@@ -77,8 +81,11 @@ class Truth:
         self._stage = fields["stage"].start
         self._row = row
         self._situations = [_situation(parts, objects) for _ in distinct]
-        for at, (axes, contact) in zip(self._situations, distinct, strict=True):
+        for at, (axes, contact, rate) in zip(self._situations, distinct, strict=True):
             at.axes, at.contact = axes, contact
+            if rates:
+                counted = {name: row[place] for name, place in columns.items()}
+                at.known[REWARD] = rate_of(rate, task, at, counted)
         self._made: dict[tuple[str, ...], tuple[_Signals, ...]] = {}
 
     def __call__(self, rows: Vector, names: tuple[str, ...] | None = None) -> Vector:
