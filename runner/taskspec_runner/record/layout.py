@@ -22,11 +22,12 @@ from taskspec.spec import Task
 from taskspec.text.units import si_unit
 from taskspec_runner.record.bus import TRUE, Bus
 from taskspec_runner.record.history import TO_REST, column_field, log_schema
-from taskspec_runner.record.reward import REWARD
-from taskspec_runner.record.truth import Truth
+from taskspec_runner.record.truth import Formulas, Truth
 
 Vector = NDArray[np.float64]
 
+#: The column of what a file rewards in a second.
+REWARD = "reward"
 #: Signals without axes that are the arm's alone, and of which the controller may be wrong.
 _OF_MOTION = ("tilt", "speed", "travel")
 
@@ -91,10 +92,8 @@ class LogLayout:
             sensed = signal in VECTORS and VECTORS[signal].sensed
             together.setdefault("wrench" if sensed else signal, []).append(name)
         self._together = {key: tuple(names) for key, names in together.items()}
-        places = {
-            each.name: slices[each.field].start + each.row for each in self._layout if each.field
-        }
-        self._truth = Truth(robot, task, stages, slices, true, places)
+        places, rates = self.fields_of_columns, reward_rates(task)
+        self._truth = Truth(robot, task, stages, slices, true, places, formulas=rates)
         self._unknown = unknown
 
     @cached_property
@@ -117,6 +116,12 @@ class LogLayout:
         context = program.context
         slices = Bus(context.robot.n, task, linked=linked).slices
         return cls(slices, context.robot, program.stages, task, measured=measured)
+
+    @property
+    def fields_of_columns(self) -> dict[str, int]:
+        """Where the bus has each column that is a number of it as it is."""
+        slices = self._slices
+        return {c.name: slices[c.field].start + c.row for c in self._layout if c.field}
 
     @property
     def units(self) -> dict[str, str]:
@@ -169,6 +174,13 @@ class LogLayout:
             values = field(column.field)[column.row] if column.field else next(true)
             columns[column.name] = (values, column.unit)
         return columns
+
+
+def reward_rates(task: Task) -> Formulas:
+    """What a file rewards in a second, as a formula of its log; none where it does not."""
+    if task.reward is None or not task.reward.rate:
+        return {}
+    return {REWARD: {stage: rate.tree for stage, rate in task.reward.rate.items()}}
 
 
 #: What the log has of a link at the wall clock.
@@ -240,7 +252,7 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
             if not signal.output:
                 yield Column(f"{owner}.{name}", si_unit(signal.dimensions[declared.kind]), "")
     yield from _of_equations(task)
-    if task.reward is not None and task.reward.rate:
+    if reward_rates(task):
         yield Column(REWARD, "1/s", "")
 
 
