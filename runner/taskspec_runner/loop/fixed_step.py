@@ -27,6 +27,7 @@ from taskspec_runner.record.bus import Bus
 if TYPE_CHECKING:
     from taskspec.native.code import Compiling
     from taskspec_runner.loop.faults import Faults
+    from taskspec_runner.loop.hand import Hand
     from taskspec_runner.loop.native.loop import NativeLoop
 
 Vector = NDArray[np.float64]
@@ -113,6 +114,7 @@ def run(
     loop: str | None = None,
     sensing: Senses | None = None,
     faults: Faults | None = None,
+    hand: Hand | None = None,
     *,
     to_rest: bool = False,
 ) -> Outcome:
@@ -130,6 +132,7 @@ def run(
         sensing: of a plant that is elsewhere, for which Python runs all ticks; None for the
             sensors of `plant`.
         faults: of the run, which Python runs then; None for none.
+        hand: sets live params while it goes on; None where nobody does.
         to_rest: whether an arm whose run does not come to `end` is brought to rest after it, which
             the recorder takes, too.
 
@@ -138,7 +141,7 @@ def run(
     """
     steps = Steps(machine, plant, bus, recorder, period, progress, seed, loop, sensing, faults)
     while steps.outcome is None:
-        steps.advance()
+        steps.advance(None if hand is None else hand.set(machine.live, steps.ticks))
     return steps.finish(to_rest=to_rest)
 
 

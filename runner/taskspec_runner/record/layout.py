@@ -22,6 +22,7 @@ from taskspec.spec import Task
 from taskspec.text.units import si_unit
 from taskspec_runner.record.bus import TRUE, Bus
 from taskspec_runner.record.history import TO_REST, column_field, log_schema
+from taskspec_runner.record.named import param_column
 from taskspec_runner.record.truth import Formulas, Truth
 
 Vector = NDArray[np.float64]
@@ -246,6 +247,8 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
         yield Column("limits", "", "limits")
         yield Column("residual", "", "residual")
     yield from _of_gains(task, axes)
+    for i, (name, param) in enumerate(task.live.items()):
+        yield Column(param_column(name), si_unit(param.dimension), "param", i)
     yield from _of_joints(robot.n, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():

@@ -35,3 +35,8 @@ def _signal_of(meaning: Meaning) -> str:
     if meaning.kind == "link":
         return f"link.{meaning.name}"
     return f"{meaning.name}.{meaning.axis}" if meaning.axis else meaning.name
+
+
+def param_column(name: str) -> str:
+    """The column of a param that may be set while a stage runs."""
+    return f"param.{name}"

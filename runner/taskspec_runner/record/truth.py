@@ -27,8 +27,9 @@ from taskspec.robot import RobotModel
 from taskspec.signals import MovingPose, ObjectState, Situation
 from taskspec.signals.table import MEASURED
 from taskspec.spec import Shape, Task
+from taskspec.spec.params import worths
 from taskspec_runner.record.bus import TRUE
-from taskspec_runner.record.named import column_of, scope_of
+from taskspec_runner.record.named import column_of, param_column, scope_of
 
 if TYPE_CHECKING:
     from taskspec.native.rows import RowCode
@@ -208,7 +209,8 @@ def _value(node: Node, task: Task, at: Situation, columns: Mapping[str, ca.SX]) 
         at: the tool.
         columns: what the log has as a number of the tick, by its name.
     """
-    scope = scope_of(task)
+    scope, algebra = scope_of(task), CasadiAlgebra(None, 1 / task.control.rate)
+    params = worths(task.params, algebra, lambda live: columns[param_column(live)])
 
     def value(name: Name) -> ca.SX:
         meaning = resolve(name.path, scope)
@@ -216,7 +218,7 @@ def _value(node: Node, task: Task, at: Situation, columns: Mapping[str, ca.SX]) 
         if meaning.kind == "constant":
             return ca.SX(CONSTANTS[meaning.name][0])
         if meaning.kind == "param":
-            return ca.SX(task.params[meaning.name].value)
+            return params[meaning.name]
         column = column_of(meaning)
         found = columns.get(column)
         if found is None and meaning.kind == "link":
@@ -225,7 +227,7 @@ def _value(node: Node, task: Task, at: Situation, columns: Mapping[str, ca.SX]) 
         found = at.signal(*column.split(".")) if found is None else found
         return ca.SX(np.nan) if found is None else found
 
-    return ca.SX(evaluate(node, CasadiAlgebra(None, 1 / task.control.rate), value))
+    return ca.SX(evaluate(node, algebra, value))
 
 
 def _as_measured(at: Situation, symbols: Mapping[str, ca.SX], columns: Mapping[str, ca.SX]) -> None:
