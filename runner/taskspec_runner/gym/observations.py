@@ -13,6 +13,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.expression import Meaning, ScopeKind, resolve
 from taskspec.expression.tree import Name
 from taskspec.expression.unknown import explain_name
+from taskspec.program.ports import HEALTHY
 from taskspec.program.program import Program
 from taskspec.signals import VECTORS
 from taskspec.spec import Task
@@ -31,6 +32,8 @@ Vector = NDArray[np.float64]
 TRUE = ".true"
 #: Which stage it is: one number for each stage, 1 for the current one.
 STAGE = "stage"
+#: What has no bound is no larger than this in a sane run [SI].
+UNBOUNDED = math.sqrt(HEALTHY)
 _LIVE = "param"
 
 
@@ -100,8 +103,9 @@ class Observations:
             for k in range(each.ticks)
         )
         counts = [each.ticks for each in self.observed]
-        low = np.repeat([each.low for each in self.observed], counts).astype(np.float32)
-        high = np.repeat([each.high for each in self.observed], counts).astype(np.float32)
+        bounds = np.array([(each.low, each.high) for each in self.observed])
+        bounds = np.clip(bounds, -UNBOUNDED, UNBOUNDED).astype(np.float32)
+        low, high = np.repeat(bounds, counts, axis=0).T
         self.space = spaces.Box(low, high, dtype=np.float32)
         self._low, self._high = low, high
         fields = Bus(robot.n, task).slices
