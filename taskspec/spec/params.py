@@ -13,7 +13,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.expression import ExpressionError, FloatAlgebra, ScopeKind, evaluate, infer, parse
 from taskspec.expression.evaluate import Algebra
 from taskspec.expression.scope import CONSTANTS
-from taskspec.expression.tree import IntervalNode, Name, Node, Number, SpreadNode
+from taskspec.expression.tree import IntervalNode, Name, Node, Number, SpreadNode, walk
 from taskspec.spec import values
 from taskspec.spec.field_type import FieldType
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
@@ -21,7 +21,7 @@ from taskspec.spec.quantities import QuantityInterval, quantity_schema
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.suggest import suggestion
-from taskspec.text.units import NUMBER, TIME, Dimension, Quantity, fitting, show
+from taskspec.text.units import NUMBER, TIME, Dimension, Quantity, describe, fitting, noun, show
 
 register({"TS127": "params that define each other in a circle"})
 
@@ -65,6 +65,23 @@ class FollowingParam(Quantity):
 def live_params(params: Mapping[str, Quantity]) -> dict[str, LiveParam]:
     """Those that may be set, in their order."""
     return {name: param for name, param in params.items() if isinstance(param, LiveParam)}
+
+
+def slots_of(params: Mapping[str, Quantity], tree: Node) -> set[str]:
+    """The live params that an expression uses, those that its other params follow from among them.
+
+    Args:
+        params: of the task.
+        tree: of the expression.
+    """
+    found: set[str] = set()
+    for name in {str(node) for node in walk(tree) if isinstance(node, Name)} & params.keys():
+        match params[name]:
+            case LiveParam():
+                found.add(name)
+            case FollowingParam(tree=of):
+                found |= slots_of(params, of)
+    return found
 
 
 def worths(
@@ -205,13 +222,25 @@ def _live(value: Map, context: ParseContext) -> LiveParam | None:
         context.error("TS118", message, span_of(value["value"]), "a run begins with it")
     rate = 0.0
     if "rate" in value:
-        rate = values.constant(value["rate"], dimension / TIME, context) or 0.0
-        if rate <= 0 and len(context.diagnostics) == before:
-            hint = "leave it out, and the param jumps to what it is set to"
-            context.error("TS118", "this has to be more than 0", span_of(value["rate"]), hint)
+        rate = _rate(value["rate"], dimension, context)
     if len(context.diagnostics) > before:
         return None
     return LiveParam(declared.value, dimension, False, low, high, rate)
+
+
+def _rate(value: object, dimension: Dimension, context: ParseContext) -> float:
+    """How fast a param goes to what it is set to [SI by s]; 0 after reporting what is wrong."""
+    found = values.quantity(value, context)
+    if found is None:
+        return 0.0
+    unit = next(iter(fitting(dimension)), "1")
+    if found.value <= 0:
+        hint = "leave it out, and the param jumps to what it is set to"
+        context.error("TS118", "this has to be more than 0", span_of(value), hint)
+    elif found.dimension != dimension / TIME:
+        message = f"a rate of {noun(dimension)} is needed here, this is {describe(found.dimension)}"
+        context.error("TS112", message, span_of(value), f"such as 10 {unit}/s")
+    return found.value
 
 
 def _measured_by(value: object, context: ParseContext) -> Dimension:

@@ -12,6 +12,7 @@ from taskspec.expression.scope import CONSTANTS
 from taskspec.expression.tree import Name
 from taskspec.program.execution.live_params import LiveParams
 from taskspec.spec import Task
+from taskspec.spec.params import slots_of
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import TIME, Dimension, describe, fitting, show, si_unit
 from taskspec_runner.errors import InputError
@@ -62,13 +63,7 @@ def read_move(text: str, task: Task) -> LiveMove:
     if not (equals and at and name and value and clock):
         raise InputError(f"--live {text!r} does not say what is set to what, and when; {_FORM}")
     if name not in task.live:
-        hint = suggestion(name, task.live, "live are") if task.live else "it has none"
-        plain = (
-            "its value is fixed" if name in task.params else f"the task has no live param; {hint}"
-        )
-        if name in task.params:
-            plain = f"{plain}; write {name}: {{value: .., live: a..b}} in its params"
-        raise InputError(f"--live {text!r}: {name!r} cannot be set while a stage runs: {plain}")
+        raise InputError(f"--live {text!r}: {name!r} cannot be set: {_why_not(name, task)}")
     param = task.live[name]
     found = LiveMove(
         name,
@@ -83,6 +78,17 @@ def read_move(text: str, task: Task) -> LiveMove:
     if found.clock < 0:
         raise InputError(f"--live {text!r}: a run begins at 0 s")
     return found
+
+
+def _why_not(name: str, task: Task) -> str:
+    """Why a name is none of a live param."""
+    if name not in task.params:
+        known = suggestion(name, task.live, "live are") if task.live else "it has none"
+        return f"the task has no live param of that name; {known}"
+    if task.params[name].live:
+        used = slots_of(task.params, Name((name,)))
+        return f"it follows from {' and '.join(sorted(used))}, which can be"
+    return f"its value is fixed; write {name}: {{value: .., live: a..b}} in 'params'"
 
 
 def _number(line: str, text: str, dimension: Dimension, task: Task) -> float:
