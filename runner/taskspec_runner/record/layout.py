@@ -149,6 +149,10 @@ class LogLayout:
         """(ticks, names) values of derived columns, from rows of the bus (ticks, fields)."""
         return self._truth(rows, names)
 
+    def is_true(self, name: str) -> bool:
+        """Whether a column is a true signal, which no number of the bus is by its name."""
+        return not self._columns[name].field
+
     def place(self, name: str) -> int | None:
         """Where in a tick a column is; None of one that is derived from several numbers of it.
 

@@ -104,6 +104,9 @@ class RowColumns(Mapping[str, Vector]):
                 raise KeyError(name)
             where = self._layout.place(name)
             self._made[name] = self._derived(name) if where is None else self._field(where)
+            if where is not None and self._layout.is_true(name):
+                # As in a log, a zero of a true signal has no sign.
+                self._made[name] += 0.0
         return self._made[name]
 
     def __contains__(self, name: object) -> bool:
@@ -122,8 +125,7 @@ class RowColumns(Mapping[str, Vector]):
     def _field(self, number: int) -> Vector:
         values, at = empty(self._ticks, np.float64), 0
         for part in self._parts:
-            # As in a log, a zero has no sign where a true signal is a number of the bus as it is.
-            values[at : at + len(part)] = part[:, number] + 0.0
+            values[at : at + len(part)] = part[:, number]
             at += len(part)
         return values
 
