@@ -56,7 +56,7 @@ def make(
         observe: names of signals, as guards have them, with `.ref` behind them their references,
             with `.true` as they truly are. A bare name means all of its components, `joint.position`
             all joints, `param` all live params, `stage` one number for each stage. A mapping says
-            how many of the newest ticks of each. None for force, motion, live params, stage and t.
+            how many of the newest ticks of each. None for force, motion, live params, stage, t.
         worlds: whether every episode is in another random world of `vary`.
         reward: of what is observed, by name, and of `info`; None for `reward` of the file, or at
             the end the least margin of its expectations.

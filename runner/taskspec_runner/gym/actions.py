@@ -80,7 +80,9 @@ class Actions:
         self.channels = tuple(found)
         _check_different(self.channels)
         self.params = tuple(self.loaded.task.live)
-        self._at = np.array([self.params.index(each.param) for each in self.channels], dtype=np.intp)
+        self._at = np.array(
+            [self.params.index(each.param) for each in self.channels], dtype=np.intp
+        )
         self._value, self._low, self._high = (
             np.array([getattr(each, key) for each in self.channels])
             for key in ("value", "low", "high")
@@ -160,7 +162,9 @@ def _of_param(loaded: LoadedTask, name: str) -> Channel:
             found = task.params[name]
             form = f"{{value: {scaled(found.value, found.dimension)}, live: ..}}"
             raise InputError(f"act: the param {name!r} is not live: declare {name}: {form}")
-        raise InputError(f"act: there is no param {name!r}; {suggestion(name, live, 'live params')}")
+        raise InputError(
+            f"act: there is no param {name!r}; {suggestion(name, live, 'live params')}"
+        )
     return _channel(name, name, live[name], _stages_using(loaded, name))
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -38,11 +38,11 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         episode: the one under way; None before the first `reset`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012 - as Gymnasium
 
     def __init__(
         self,
-        task: str | Path | LoadedTask,
+        task: str | os.PathLike[str] | LoadedTask,
         act: Act | None = None,
         observe: Sequence[str] | Mapping[str, int] | None = None,
         *,
@@ -156,7 +156,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._over = terminated or truncated
         self._seen = self._observer(episode.rows())
         info = self._info(episode)
-        verdict, judged = "", ()
+        verdict, judged = "", tuple[Judged, ...]()
         if self._over:
             trial = episode.trial()
             verdict = _verdict(trial) if terminated else ""
@@ -182,7 +182,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             info["decided"] = dict(episode.decided)
         return info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """(height, width, 3) the world as it is now; None without a `render_mode`.
 
         Raises:

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from taskspec.program.program import Program
 from taskspec.program.worlds import World
-from taskspec.robot.description import listening
+from taskspec_runner.gym.hush import HUSH
+from taskspec_runner.gym.true_values import Values
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.fixed_step import PYTHON, Outcome, Steps
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.record.rows import RowKeeper
-from taskspec_runner.record.truth import Truth
 from taskspec_runner.trial.trial import OPEN, Trial
 
 Vector = NDArray[np.float64]
@@ -33,7 +33,7 @@ class Episode:
         self,
         program: Program,
         world: World,
-        watched: Truth | None,
+        watched: Values | None,
         broken: tuple[str, ...],
         every: int,
         kept: int,
@@ -56,9 +56,12 @@ class Episode:
         """
         self.program, self.world = program, world
         self.decided: dict[str, bool] = {}
-        self._watched, self._broken = watched, {name: int(name.partition(".")[0]) for name in broken}
+        self._watched, self._broken = (
+            watched,
+            {name: int(name.partition(".")[0]) for name in broken},
+        )
         self._every, self._kept = every, kept
-        with listening([]):
+        with HUSH:
             parts = self._parts = assemble(program, world)
             room = every * -(-max(_ROOM, every, kept) // every)
             self._keeper = RowKeeper(parts.bus, room)
@@ -103,7 +106,7 @@ class Episode:
 
     def advance(self, most: int) -> int:
         """Runs the ticks of a step, at most so many; how many there were."""
-        with listening([]):
+        with HUSH:
             done = self._steps.advance(most)
         if self._watched is not None and done:
             self.watched = self._watched(self._keeper.latest(done))

@@ -20,11 +20,10 @@ from taskspec.spec import Task
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import si_unit
 from taskspec_runner.errors import InputError
-from taskspec_runner.gym.true_values import TrueValues, values_of
+from taskspec_runner.gym.true_values import TrueValues, Values, values_of
 from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.record.named import column_of, scope_of
-from taskspec_runner.record.truth import Truth
 
 Vector = NDArray[np.float64]
 
@@ -237,7 +236,7 @@ class Observations:
 class Observer:
     """Shows the ticks of one episode."""
 
-    def __init__(self, what: Observations, true: Truth | None) -> None:
+    def __init__(self, what: Observations, true: Values | None) -> None:
         self._what, self._true = what, true
 
     def __call__(self, rows: Vector) -> NDArray[np.float32]:
@@ -248,9 +247,9 @@ class Observer:
         what = self._what
         parts = [rows]
         if what._values is not None:
-            parts.append(what._values(rows, what._measured))
+            parts.append(what._values(rows))
         if self._true is not None:
-            parts.append(self._true(rows, what._true))
+            parts.append(self._true(rows))
         number = len(what._program.stages)
         if any(each.stage is not None for each in what.observed):
             parts.append(np.equal(rows[:, what._stage, np.newaxis], np.arange(number)))

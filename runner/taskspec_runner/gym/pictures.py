@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from numpy.typing import NDArray
-
 import numpy as np
+from numpy.typing import NDArray
 
 from taskspec.program.worlds import World
 from taskspec_runner.gym.episode import Episode
@@ -36,12 +35,12 @@ class EpisodePictures:
             self._world, self._drawn = episode.world, DrawnWorld(context, episode.world.task)
         drawn = self._drawn
         data = drawn.put(*episode.state())
+        tip = drawn.model.body(episode.program.context.robot.tip_body).id
+        if self._view is None:
+            framing = frame_arm(drawn.model, data, tip)
+            self._view = framing.view(drawn.model, self._width / self._height)
         if self._canvas is None:
-            if self._view is None:
-                tip = drawn.model.body(episode.program.context.robot.tip_body).id
-                framing = frame_arm(drawn.model, data, tip)
-                self._view = framing.view(drawn.model, self._width / self._height)
-            drawn.settle(data.xpos[[drawn.model.body(episode.program.context.robot.tip_body).id]])
+            drawn.settle(data.xpos[[tip]])
             self._canvas = Canvas(drawn.model, self._width, self._height, many=True)
         self._canvas.update(data, self._view.camera())
         return self._canvas.render()

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from threading import Lock
 
 from taskspec.compiler import compile_task
 from taskspec.program.worlds import World, draws_of, random_world, true_world
@@ -24,6 +26,9 @@ from taskspec_runner.gym.rewards import (
 from taskspec_runner.gym.true_values import TrueValues
 from taskspec_runner.record.layout import REWARD, reward_rates
 
+#: Plants are built one after the other: they share the arm's models, which have memory.
+_BUILDING = Lock()
+
 
 class Setup:
     """A compiled task with its actions, observations and reward.
@@ -40,7 +45,7 @@ class Setup:
 
     def __init__(
         self,
-        task: str | Path | LoadedTask,
+        task: str | os.PathLike[str] | LoadedTask,
         act: Act | None,
         observe: Sequence[str] | Mapping[str, int] | None,
         *,
@@ -111,13 +116,13 @@ class Setup:
 
     def episode(self, world: World) -> Episode:
         """A run in a world, at its start."""
-        watched = self._watched.of(world.task)
-        return Episode(
-            self.program,
-            world,
-            watched,
-            self._broken,
-            self.every,
-            self.observations.ticks,
-            self._loop,
-        )
+        with _BUILDING:
+            return Episode(
+                self.program,
+                world,
+                self._watched.of(world.task),
+                self._broken,
+                self.every,
+                self.observations.ticks,
+                self._loop,
+            )

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from threading import Lock
+
+import numpy as np
+from numpy.typing import NDArray
 
 from taskspec.expression import tree
 from taskspec.program.program import Program
@@ -10,6 +14,24 @@ from taskspec.spec import Task
 from taskspec_runner.record.bus import Bus
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.record.truth import Formulas, Truth
+
+Vector = NDArray[np.float64]
+
+
+class Values:
+    """Works values out of ticks, for one thread at a time: its functions have memory of their own.
+
+    Attributes:
+        names: of what it works out.
+    """
+
+    def __init__(self, truth: Truth) -> None:
+        self._truth, self.names, self._lock = truth, truth.names, Lock()
+
+    def __call__(self, rows: Vector) -> Vector:
+        """(ticks, names) values, from rows of the bus (ticks, fields)."""
+        with self._lock:
+            return self._truth(rows)
 
 
 class TrueValues:
@@ -31,7 +53,7 @@ class TrueValues:
             for node in of_stage.values():
                 yield from (each.path for each in tree.walk(node) if isinstance(each, tree.Name))
 
-    def of(self, task: Task) -> Truth | None:
+    def of(self, task: Task) -> Values | None:
         """What works them out where a task has the true world; None where there are none."""
         if not self.names:
             return None
@@ -51,7 +73,7 @@ def values_of(
     formulas: Formulas | None = None,
     *,
     measured: bool = False,
-) -> Truth:
+) -> Values:
     """What works out signals of ticks.
 
     Args:
@@ -64,6 +86,5 @@ def values_of(
     robot, nominal = program.context.robot, program.context.loaded.task
     places: Mapping[str, int] = LogLayout.of(program, nominal).fields_of_columns
     fields, stages = Bus(robot.n, nominal).slices, program.stages
-    return Truth(
-        robot, task, stages, fields, names, places, formulas=formulas, measured=measured
-    )
+    truth = Truth(robot, task, stages, fields, names, places, formulas=formulas, measured=measured)
+    return Values(truth)

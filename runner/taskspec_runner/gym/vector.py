@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -51,7 +52,8 @@ class ThreadVectorEnv(SyncVectorEnv[Any, Any]):
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
     ) -> None:
         """Makes the environments; `threads` as many as processors are there where it is None."""
-        made = [lambda make=make: _Ahead(make()) for make in envs]
+        self._members = [_Ahead(make()) for make in envs]
+        made = [partial(_itself, member) for member in self._members]
         super().__init__(made, autoreset_mode=autoreset_mode)
         self._pool = ThreadPoolExecutor(threads, "environment")
         self._ended = np.zeros(self.num_envs, dtype=np.bool_)
@@ -62,7 +64,7 @@ class ThreadVectorEnv(SyncVectorEnv[Any, Any]):
         """Begins an episode in each; environment i of a seed has the seed that is i more."""
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
         mask = None if options is None else options.get("reset_mask")
-        for i, env in enumerate(self.envs):
+        for i, env in enumerate(self._members):
             if mask is None or mask[i]:
                 own = None if seeds is None else seeds[i]
                 rest = {k: v for k, v in (options or {}).items() if k != "reset_mask"}
@@ -73,7 +75,7 @@ class ThreadVectorEnv(SyncVectorEnv[Any, Any]):
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """A step of each; of one whose episode was over, a reset, where that is the mode."""
         again = self.autoreset_mode == AutoresetMode.NEXT_STEP
-        each = zip(self.envs, iterate(self.action_space, actions), self._ended, strict=True)
+        each = zip(self._members, iterate(self.action_space, actions), self._ended, strict=True)
         for env, action, ended in each:
             if ended and again:
                 env.begin(self._pool, env.env.reset)
@@ -87,6 +89,10 @@ class ThreadVectorEnv(SyncVectorEnv[Any, Any]):
         """Ends the threads."""
         self._pool.shutdown()
         super().close_extras(**given)
+
+
+def _itself(member: _Ahead) -> _Ahead:
+    return member
 
 
 def _reset(env: gymnasium.Env[Any, Any], seed: int | None, options: dict[str, Any]) -> Any:

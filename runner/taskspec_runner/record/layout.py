@@ -251,8 +251,7 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
         yield Column("limits", "", "limits")
         yield Column("residual", "", "residual")
     yield from _of_gains(task, axes)
-    for i, (name, param) in enumerate(task.live.items()):
-        yield Column(param_column(name), si_unit(param.dimension), "param", i)
+    yield from _of_params(task)
     yield from _of_joints(robot.n, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
@@ -279,6 +278,12 @@ def _of_equations(task: Task) -> Iterator[Column]:
             residual = signals["residual"]
             unit = si_unit(residual.dimensions[equation.kind])
             yield Column(f"{owner}.residual", unit, residual.output, i)
+
+
+def _of_params(task: Task) -> Iterator[Column]:
+    """The columns of the params that may be set while a stage runs."""
+    for i, (name, param) in enumerate(task.live.items()):
+        yield Column(param_column(name), si_unit(param.dimension), "param", i)
 
 
 def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:

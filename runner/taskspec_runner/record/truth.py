@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.reference import opposite
-from taskspec.geometry.axis import AXES
 from taskspec.expression import evaluate, resolve
 from taskspec.expression.scope import CONSTANTS
 from taskspec.expression.tree import Name, Node
+from taskspec.geometry.axis import AXES
 from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.bound import RowFunction
 from taskspec.program.stages.stage import CompiledStage

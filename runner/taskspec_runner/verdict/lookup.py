@@ -184,4 +184,3 @@ class Lookup:
         reason = f" ({absent})" if absent else ""
         hint = "" if meaning.stage or len(where) > 3 else "; name the stage with it"
         return f"{name} has no value in {stages}{reason}{hint}"
-
