@@ -161,7 +161,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             trial = episode.trial()
             verdict = _verdict(trial) if terminated else ""
             judged = trial.judged
-            info |= _end(trial, verdict or OPEN, judged)
+            info |= _end(trial, verdict or OPEN, episode.decided)
         rates = episode.watched[:, 0] if setup.rated else np.zeros(0)
         period = setup.program.context.period
         end = StepEnd(rates, period, verdict, judged, self._observed, info)
@@ -215,14 +215,18 @@ def _verdict(trial: Trial) -> str:
     return ended.get(trial.outcome.status, MISSED)
 
 
-def _end(trial: Trial, verdict: str, judged: tuple[Judged, ...]) -> dict[str, Any]:
-    """What is known at the end of an episode."""
-    whole = trial.outcome.status == DONE
+def _end(trial: Trial, verdict: str, decided: Mapping[str, bool]) -> dict[str, Any]:
+    """What is known at the end of an episode; of one that is broken off, what is decided."""
+    status, judged = trial.outcome.status, trial.judged
+    known = {
+        e.title: e.passed if status == DONE or (e.missed and status != OPEN) else None
+        for e in judged
+    }
     return {
         "verdict": verdict,
         "reason": trial.outcome.reason,
         "text": trial.outcome.text,
-        "expect": {e.title: e.passed if whole or e.missed else None for e in judged},
+        "expect": known | decided,
         "margins": {
             e.title: min((m.left for m in e.margins if m.left is not None), default=None)
             for e in judged

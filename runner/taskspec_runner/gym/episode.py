@@ -130,13 +130,12 @@ class Episode:
             return bool(self.decided)
         names = self._watched.names
         flags = {name for name in self._broken if self.watched[:, names.index(name)].any()}
-        if flags:
-            for each in self.trial().judged:
-                if each.broken is not None and each.broken.final:
-                    self.decided[each.title] = False
-            for name in flags:
-                # What the judge says otherwise of is decided at the end.
-                self._broken.pop(name)
+        judged = self.trial().judged if flags else ()
+        for name in flags:
+            # What the judge says otherwise of is decided at the end.
+            each = judged[self._broken.pop(name)]
+            if each.broken is not None and each.broken.final:
+                self.decided[each.title] = False
         return bool(self.decided)
 
     def state(self) -> tuple[float, Vector, list[float], Vector]:
