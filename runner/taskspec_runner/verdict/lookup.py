@@ -13,7 +13,7 @@ from taskspec.expression import Meaning, resolve, tree
 from taskspec.expression.scope import CONSTANTS
 from taskspec.expression.series import Series, SeriesAlgebra
 from taskspec.spec import Task
-from taskspec.spec.params import worths
+from taskspec.spec.params import slots_of, worths
 from taskspec_runner.record.file_array import full
 from taskspec_runner.record.history import History, NotRecordedError
 from taskspec_runner.record.named import column_of, param_column, scope_of
@@ -125,12 +125,18 @@ class Lookup:
         match condition:
             case tree.WithinNode():
                 return condition.x, condition.low, condition.high
-            case tree.Compare() if self.measures(condition.left):
+            case tree.Compare(left=left, right=right) if self.measures(left) or (
+                self._is_live(left) and not self.measures(right)
+            ):
                 return condition.left, condition.right
             case tree.Compare():
                 return condition.right, condition.left
             case _:
                 return ()
+
+    def _is_live(self, root: tree.Node) -> bool:
+        """Whether an expression follows from a param that may be set."""
+        return bool(slots_of(self._params, root))
 
     def unrecorded(self, root: tree.Node) -> tuple[str, ...]:
         """Columns that an expression needs and that were not recorded, in its order."""
