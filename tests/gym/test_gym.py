@@ -337,9 +337,10 @@ def test_other_commands_do_not_import_it() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_pictures(press: Path) -> None:
+def test_pictures(press: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from taskspec_runner.video.canvas import NoCanvasError
 
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
     env = gym.make(press, render_mode="rgb_array", size=(120, 90))
     with pytest.raises(InputError, match="reset"):
         env.render()
