@@ -107,7 +107,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._draw(seed, dict(options or {}))
         assert self._seed is not None
         world = self.setup.world(self._seed, self._number)
-        self.episode = self.setup.episode(world)
+        self.episode = self.setup.episode(world, self.episode)
         self._observer = self.setup.observations.of_world(world.task)
         self._over = False
         self._seen = self._observer(self.episode.rows())
