@@ -73,6 +73,8 @@ class Setup:
                 "nothing varies in this task, so that all its worlds are alike: give it a 'vary', "
                 "or leave out worlds=True"
             )
+        if max_time is not None and not max_time > 0:
+            raise InputError(f"max_time: an episode of {max_time:g} s has no step")
         self.worlds, self._loop = worlds, loop
         self.every = self._every(rate, context.period)
         self.most = math.inf if max_time is None else max(1, round(max_time / context.period))
