@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -13,6 +13,13 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.vector.utils import iterate
 
 from taskspec_runner.gym.env import TaskEnv
+
+
+if TYPE_CHECKING:
+    _OneByOne = SyncVectorEnv[Any, Any]
+else:
+    # It takes no types before Gymnasium 1.3.
+    _OneByOne = SyncVectorEnv
 
 
 class _Ahead(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -39,7 +46,7 @@ class _Ahead(gymnasium.Wrapper[Any, Any, Any, Any]):
         return None if coming is None else coming.result()
 
 
-class ThreadVectorEnv(SyncVectorEnv[Any, Any]):
+class ThreadVectorEnv(_OneByOne):
     """Environments of one process that share a compiled task, stepped by threads.
 
     Ticks are machine code, which leaves Python to the other threads.
