@@ -14,7 +14,6 @@ from gymnasium.vector.utils import iterate
 
 from taskspec_runner.gym.env import TaskEnv
 
-
 if TYPE_CHECKING:
     _OneByOne = SyncVectorEnv[Any, Any]
 else:
