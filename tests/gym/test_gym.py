@@ -280,12 +280,12 @@ def test_observations_are_what_the_controller_measures(press: Path) -> None:
     measured = columns["force.z.measured"][-20:].astype(np.float32)
     assert observation[:20].tobytes() == measured.tobytes()
     last = {name: float(np.float32(values[-1])) for name, values in columns.items()}
-    seen = dict(zip(names, observation.tolist(), strict=True))
-    assert seen["force.z.true"] == last["force.z"] != last["force.z.measured"]
-    assert seen["table.force.true"] == last["table.force"]
-    assert seen["t"] == last["t"]
-    assert seen["joint.4.position"] == last["joint.4.position"]
-    assert (seen["touching"], seen["stage.slide"]) == (1.0, 1.0)
+    shown = dict(zip(names, observation.tolist(), strict=True))
+    assert shown["force.z.true"] == last["force.z"] != last["force.z.measured"]
+    assert shown["table.force.true"] == last["table.force"]
+    assert shown["t"] == last["t"]
+    assert shown["joint.4.position"] == last["joint.4.position"]
+    assert (shown["touching"], shown["stage.slide"]) == (1.0, 1.0)
     assert env.observation_space.low[0] == -60.0
 
 

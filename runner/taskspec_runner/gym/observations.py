@@ -92,8 +92,8 @@ class Observations:
         self._bounds = _Bounds(program, longest)
         if isinstance(wanted, str):
             raise InputError(f"observe is a list or a mapping: observe=[{wanted!r}]")
-        asked = usual(program) if wanted is None else wanted
-        ticks = asked if isinstance(asked, Mapping) else dict.fromkeys(asked, 1)
+        named = usual(program) if wanted is None else wanted
+        ticks = named if isinstance(named, Mapping) else dict.fromkeys(named, 1)
         self.observed = tuple(self._all(ticks))
         if not self.observed:
             raise InputError("an observation needs a signal: such as observe=['force', 'position']")
@@ -152,14 +152,14 @@ class Observations:
         """What shows the ticks of an episode in the world of a task."""
         return ObservedTicks(self, self._of_world.of(task))
 
-    def _all(self, asked: Mapping[str, int]) -> Iterator[Observed]:
-        seen: set[str] = set()
-        for written, ticks in asked.items():
+    def _all(self, named: Mapping[str, int]) -> Iterator[Observed]:
+        there: set[str] = set()
+        for written, ticks in named.items():
             if not isinstance(ticks, int) or ticks < 1:
                 raise InputError(f"observe: {written!r} is of one tick or more, not {ticks!r}")
             for each in self._named(written, ticks):
-                if each.name not in seen:
-                    seen.add(each.name)
+                if each.name not in there:
+                    there.add(each.name)
                     yield each
 
     def _named(self, written: str, ticks: int) -> Iterator[Observed]:

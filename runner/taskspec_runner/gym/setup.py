@@ -40,7 +40,7 @@ class Setup:
         every: ticks of a step.
         most: ticks of an episode; infinite where nothing but the task ends it.
         worlds: whether every episode is in another random world of `vary`.
-        names: of the formulas that every tick is looked at by.
+        names: of the formulas that are worked out at every tick.
     """
 
     def __init__(

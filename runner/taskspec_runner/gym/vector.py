@@ -22,7 +22,7 @@ else:
 
 
 class _Ahead(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """An environment whose next step or reset is under way before it is asked for."""
+    """An environment whose next step or reset is under way before it is requested."""
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         super().__init__(env)
