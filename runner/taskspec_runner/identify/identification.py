@@ -271,9 +271,12 @@ def _identification(program: Program, found: Fit, level: float) -> Identificatio
             )
     rows = np.flatnonzero(known)
     kept = covariance[np.ix_(rows, rows)]
+    late = [] if problem.delay is None else [problem.delay.name]
     if found.delay is not None and problem.delay is not None:
-        estimates.append(_delay(problem, found))
-        kept = np.pad(kept, (0, 1))
+        span = (max(found.delays) - min(found.delays)) * problem.period
+        if span / 2 < KNOWN * problem.delay.scale:
+            estimates.append(_delay(problem, found))
+            kept, late = np.pad(kept, (0, 1)), []
     order = [p.name for p in problem.parameters]
     ranked = sorted(range(len(estimates)), key=lambda i: _rank(order, estimates[i]))
     names = outside.names
@@ -282,7 +285,7 @@ def _identification(program: Program, found: Fit, level: float) -> Identificatio
         level,
         tuple(estimates[i] for i in ranked),
         kept[np.ix_(ranked, ranked)],
-        tuple(names[i] for i in np.flatnonzero(unseen)),
+        (*(names[i] for i in np.flatnonzero(unseen)), *late),
         tuple(_groups(mixed, inverse, outside, problem, quantile)),
         tuple(_residuals(found)),
         found,
