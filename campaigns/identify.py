@@ -110,7 +110,7 @@ world: {{pipe: {{shape: cylinder, xyz: [500 mm, 0, 290 mm], rpy: [0, 90 deg, 0],
 frames: {{task: {{surface: pipe}}}}
 frame: task
 stages:
-  turn: {{frame: world, axes: {{rx: {{move: 15 deg, speed: 20 deg/s}}, ry: {{move: 10 deg, speed: 20 deg/s}}}}}}
+  lean: {{frame: world, axes: {{rx: {{move: 15 deg, speed: 20 deg/s}}, ry: {{move: 10 deg, speed: 20 deg/s}}}}}}
   back: {{frame: world, axes: {{rx: {{move: -15 deg, speed: 20 deg/s}}, ry: {{move: -10 deg, speed: 20 deg/s}}}}}}
   approach: {{axes: {{z: {{velocity: -20 mm/s}}}}, until: force.z < -3 N for 10 ms, within: 4 s}}
   press:
@@ -274,7 +274,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             try:
                 rows += future.result()
             except Exception as error:
-                import traceback; traceback.print_exc(); print(f"world {world}: {error!r}", file=sys.stderr)
+                print(f"world {world}: {error!r}", file=sys.stderr)
     if given.rows:
         given.rows.write_text(json.dumps([asdict(row) for row in rows]))
     for line in table(rows):

@@ -30,6 +30,8 @@ _TOGETHER = 0.5
 #: Of a combination, what is smaller than this share of the largest is left out.
 _SMALL = 0.01
 LEVEL = 0.9
+#: Of a tick, by which a delay is longer than those that are rounded up to the one before.
+_PART = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,7 +304,8 @@ def _delay(problem: Problem, found: Fit) -> Estimate:
     assert problem.delay is not None
     assert found.delay is not None
     period = problem.period
-    low = max(min(found.delays) - 1, 0) * period
+    # A delay is rounded up to ticks: a whole number of them is the longest that reads so.
+    low = max(min(found.delays) - 1 + _PART, 0.0) * period
     return Estimate(
         problem.delay.path, None, "", found.delay * period, low, max(found.delays) * period,
         period / 12**0.5, problem.delay.declared, problem.delay.dimension,
