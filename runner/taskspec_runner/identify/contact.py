@@ -61,7 +61,13 @@ class BallContact:
         return d[:, 0], n @ R.T
 
     def wrench(
-        self, motion: Motion, center: Vector, radius: float, shape: Shape, setting: Setting
+        self,
+        motion: Motion,
+        center: Vector,
+        radius: float,
+        shape: Shape,
+        setting: Setting,
+        near: NDArray[np.int64],
     ) -> Vector:
         """(n, 6) what the shape exerts on the tip, world axes, moments about the tip [N, N m].
 
@@ -71,14 +77,16 @@ class BallContact:
             radius: of the ball [m].
             shape: with its place and contact.
             setting: what else the contact depends on.
+            near: (m,) the ticks in which they may touch.
         """
         found = np.zeros((len(center), 6))
-        d, n = self.surroundings(center, shape)
+        d, n = self.surroundings(center[near], shape)
         depth = radius - d
-        rows = np.flatnonzero(depth > 0)
+        touching = depth > 0
+        rows = near[touching]
         if not len(rows):
             return found
-        depth, n = depth[rows], n[rows]
+        depth, n = depth[touching], n[touching]
         lever = center[rows] - n * (radius - depth / 2)[:, None] - motion.p[rows]
         v, a = _at(motion.twist[rows], lever), _at(motion.push[rows], lever)
         force = setting.force(shape, depth, n, v, a)

@@ -141,6 +141,17 @@ class Problem:
         return np.array([p.scale for p in self.continuous] + zeros)
 
     @cached_property
+    def least(self) -> Vector:
+        """(p,) what values are at least."""
+        found = np.full(len(self.scales), -np.inf)
+        for i, parameter in enumerate(self.continuous):
+            if parameter.path.endswith(".stiffness"):
+                found[i] = max(1e-3 * abs(parameter.declared), 1.0)
+            elif parameter.path.endswith(".friction") or parameter.path == FILTER:
+                found[i] = 0.0
+        return found
+
+    @cached_property
     def declared(self) -> Vector:
         """(p,) what the file has."""
         return np.array([p.declared for p in self.continuous] + [0.0] * len(self.zeros))
@@ -522,10 +533,9 @@ class _Search:
             cost = total + float(home @ home) / WEAK**2
             improved = False
             while damping < 1e6:
-                move, deviations = step(M, g, home, damping)
+                move, deviations = self._move(M, g, home, damping, taken)
                 tried = self.values.copy()
-                tried[taken] += scales * move
-                tried = _bounded(problem, tried)
+                tried[taken] = np.maximum(tried[taken] + scales * move, problem.least[taken])
                 other = problem.blocks(tried, self.delay, of=of)
                 _, _, after, _ = normal_equations(other, noises, scales)
                 away = ((problem.declared - tried) / problem.scales)[taken]
@@ -536,6 +546,7 @@ class _Search:
             if not improved:
                 problem.metric = None
                 return
+            move = (tried - self.values)[taken] / scales
             self.values, problem.metric = tried, None
             blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
             renewed = noises_of(blocks, order)
@@ -545,6 +556,18 @@ class _Search:
             damping = max(damping / 10, 1e-9)
             if change < (_SMALL if last else 0.1) and same:
                 return
+
+    def _move(
+        self, M: Vector, g: Vector, home: Vector, damping: float, taken: Mask
+    ) -> tuple[Vector, Vector]:
+        """A step; what is at its bound, and would go beyond it, stays there."""
+        move, deviations = step(M, g, home, damping)
+        held = (self.values <= self.problem.least)[taken] & (move < 0)
+        if held.any():
+            free = np.flatnonzero(~held)
+            move = np.zeros_like(move)
+            move[free], deviations[free] = step(M[np.ix_(free, free)], g[free], home[free], damping)
+        return move, deviations
 
     def _best_delay(self, taken: Mask) -> int:
         if self.problem.delay is None:
@@ -602,17 +625,6 @@ def step(M: Vector, g: Vector, home: Vector, damping: float = 0.0) -> tuple[Vect
     inverse = np.linalg.inv(whole / np.outer(size, size) + damping * np.eye(len(M)))
     found = inverse @ ((g + home / WEAK**2) / size) / size
     return found, np.sqrt(np.diag(inverse)) / size
-
-
-def _bounded(problem: Problem, values: Vector) -> Vector:
-    """Values that a world can have."""
-    made = values.copy()
-    for i, parameter in enumerate(problem.continuous):
-        if parameter.path.endswith(".stiffness"):
-            made[i] = max(made[i], 1e-3 * abs(parameter.declared), 1.0)
-        elif parameter.path.endswith(".friction") or parameter.path == FILTER:
-            made[i] = max(made[i], 0.0)
-    return made
 
 
 def _alike(

@@ -27,6 +27,8 @@ Mask = NDArray[np.bool_]
 
 #: A ball that is farther than this from a shape does not touch it, however it is placed [m].
 _OFF = 1e-3
+#: Ticks in which a ball is farther from a shape, as iterations start, are left out [m].
+_NEAR = 0.01
 #: Fewer ticks than these say nothing of joints.
 _LEAST_ROWS = 50
 
@@ -63,6 +65,7 @@ class LogModel:
         }
         self._center = self.motion.p + self.motion.R @ tool.centers[0]
         self._radius = float(tool.radii[0])
+        self._near: dict[str, NDArray[np.int64]] = {}
         self._kept: dict[tuple[int, int], Vector] = {}
         self._turns = task.robot.sensor != Sensor() or any(s.tare for s in task.stages.values())
 
@@ -94,8 +97,13 @@ class LogModel:
 
     def contact(self, name: str, task: Task, mobility: float) -> Vector:
         """(ticks, 6) what one shape exerts on the tip, world axes [N, N m]."""
-        setting, shape = Setting.of(task, mobility), task.world[name]
-        return self._contacts[name].wrench(self.motion, self._center, self._radius, shape, setting)
+        setting, shape = Setting.of(task, mobility), task.shapes[name]
+        if name not in self._near:
+            d, _ = self._contacts[name].surroundings(self._center, shape)
+            self._near[name] = np.flatnonzero(d < self._radius + _NEAR)
+        return self._contacts[name].wrench(
+            self.motion, self._center, self._radius, shape, setting, self._near[name]
+        )
 
     def touch(self, name: str, task: Task) -> tuple[Vector, Vector, Vector]:
         """(k,) heights of the ball above a shape, (k,) forces along its normal, (k, 3) normals."""
@@ -159,7 +167,7 @@ class LogModel:
         if task.robot.sensor.at == "wrist":
             body = self._context.robot.tool_body
             force = body.mass * (self._tip_axes.transpose(0, 2, 1) @ np.array(GRAVITY))
-            made = made - np.hstack([force, cross_rows(np.asarray(body.lever), force)])
+            made = made - np.hstack([force, cross_rows(np.asarray(body.lever)[None], force)])
         return self.logged(made)
 
     def logged(self, tool: Vector) -> Vector:

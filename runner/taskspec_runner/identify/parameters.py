@@ -143,6 +143,8 @@ def _all(program: Program) -> Iterator[Parameter]:
             path = f"world.{name}.{key}"
             if key == "stiffness" and isinstance(shape.stiffness, str):
                 continue
+            if key == "rpy" and shape.shape == "sphere":
+                continue
             yield from _components(program, path, scale, 0.0 if key in _POSITIVE else -math.inf)
     for key, scale in _OF_ROBOT.items():
         positive = key not in ("payload.xyz", "sensor.bias")

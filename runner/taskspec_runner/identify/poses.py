@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.rotation import from_rpy
 from taskspec.program.components import changed
-from taskspec.spec import Task
+from taskspec.spec import Shape, Task
 
 Vector = NDArray[np.float64]
 
@@ -17,22 +17,29 @@ def turned(R: Vector, by: Vector) -> Vector:
     return R @ _exp(np.array([by[0], by[1], 0.0])) @ _exp(np.array([0.0, 0.0, by[2]]))
 
 
-def placed(task: Task, name: str, by: Vector) -> Task:
-    """The task with an object turned about its own axes, and moved along those that it has then.
+def origin_of(own: Shape, by: Vector) -> Vector:
+    """(3,) the origin of an object that is turned, and moved along its axes but for their spin.
 
-    So along what a plane does not show it is moved without any change, however it is turned.
+    So nothing changes where a plane is moved in itself, or a cylinder along or about its axis,
+    however they are placed.
+    """
+    axes = turned(from_rpy(own.rpy), np.array([by[3], by[4], 0.0]))
+    return np.asarray(np.array(own.xyz) + axes @ by[:3])
+
+
+def placed(task: Task, name: str, by: Vector) -> Task:
+    """The task with an object turned about its own axes, and moved along them.
 
     Args:
         task: with it where the file has it.
         name: of the object.
         by: (6,) displacements [m], then angles [rad].
     """
-    own = task.world[name]
-    R = turned(from_rpy(own.rpy), by[3:])
-    origin = np.array(own.xyz) + R @ by[:3]
-    for i, value in enumerate(origin):
+    own = task.shapes[name]
+    for i, value in enumerate(origin_of(own, by)):
         task = changed(task, f"world.{name}.xyz", i, float(value))
     if by[3:].any():
+        R = turned(from_rpy(own.rpy), by[3:])
         for i, value in enumerate(rpy_of(R, np.array(own.rpy))):
             task = changed(task, f"world.{name}.rpy", i, float(value))
     return task
