@@ -96,7 +96,9 @@ stages:
             "world.bench.friction": _uniform(0.1, 0.5),
             "world.bench.xyz": _list("0", "0", _uniform(298, 302, "mm")),
             "world.bench.rpy": _list(_uniform(-2, 2, "deg"), _uniform(-2, 2, "deg"), "0"),
-            "robot.sensor.bias": _list(*(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3),
+            "robot.sensor.bias": _list(
+                *(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3
+            ),
             "robot.sensor.delay": _uniform(0, 6, "ms"),
             "robot.sensor.filter": _log(40, 200, "Hz"),
         },
@@ -127,7 +129,9 @@ stages:
             "world.pipe.xyz": _list("500 mm", _uniform(-1, 1, "mm"), _uniform(288, 292, "mm")),
             "robot.payload.mass": _uniform(50, 400, "g"),
             "robot.payload.xyz": _list(*(_uniform(-20, 20, "mm"),) * 2, _uniform(-60, 0, "mm")),
-            "robot.sensor.bias": _list(*(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3),
+            "robot.sensor.bias": _list(
+                *(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3
+            ),
             "robot.sensor.delay": _uniform(0, 4, "ms"),
         },
         "[{torque: noise 0.05 N*m}]",
@@ -210,8 +214,9 @@ stages:
             "world.dome.stiffness": _log(6, 30, "kN/m"),
             "world.dome.damping": _uniform(15, 90, "N*s/m"),
             "world.dome.friction": _uniform(0.1, 0.5),
-            "world.dome.xyz": _list(_uniform(418, 422, "mm"), _uniform(128, 132, "mm"),
-                                    _uniform(238, 242, "mm")),
+            "world.dome.xyz": _list(
+                _uniform(418, 422, "mm"), _uniform(128, 132, "mm"), _uniform(238, 242, "mm")
+            ),
             "robot.sensor.bias": _WRENCH,
             "robot.sensor.filter": _log(40, 200, "Hz"),
         },
@@ -389,7 +394,14 @@ def table(rows: Sequence[Row]) -> Iterator[Sequence[str]]:
         error = np.array([r.value - r.true for r in own])
         with np.errstate(all="ignore"):
             bias = np.mean(error / half)
-        yield task, name, str(len(own)), f"{100 * held:.1f} %", f"{bias:+.3f}", f"{np.median(half):.3g}"
+        yield (
+            task,
+            name,
+            str(len(own)),
+            f"{100 * held:.1f} %",
+            f"{bias:+.3f}",
+            f"{np.median(half):.3g}",
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
