@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from hidden_worlds import PLANE, SWING, press, program, run, true
 
+from hidden_worlds import PLANE, SWING, press, program, run, true
 from taskspec.program.world.stiffness import added_mass
 from taskspec_runner.identify import identify
 from taskspec_runner.identify.model import LogModel, mobility
@@ -43,7 +43,7 @@ def test_contact_is_the_plants_own(shape: str) -> None:
 @pytest.mark.parametrize("rates", ["{rate: 500 Hz}", "{rate: 500 Hz, plant_rate: 1 kHz}"])
 def test_several_plant_steps_in_a_tick(rates: str) -> None:
     """The last of two steps is worked out from the positions of both ticks."""
-    made, history = run(press() + f"control: {rates}\n", {"world.bench.stiffness": "22 kN/m"})
+    _, history = run(press() + f"control: {rates}\n", {"world.bench.stiffness": "22 kN/m"})
     found = identify(program(press() + f"control: {rates}\n"), [history])
     # With two steps the state between them is exact but for the acceleration's last digits.
     assert found.estimate("world.bench.stiffness").value == pytest.approx(22e3, rel=1e-5)

@@ -41,6 +41,8 @@ Mask = NDArray[np.bool_]
 KNOWN = 0.3
 #: What the file says counts as one measurement, with so many scales for its deviation.
 WEAK = 3.0
+#: With so many times the deviation for what the file says, what logs decide changes by no more.
+_WEAKER, _BY_LOGS = 10.0, 1.1
 _MOST_STEPS, _FEW_STEPS = 60, 12
 #: Steps that are this share of the deviations end the iterations.
 _SMALL = 1e-3
@@ -383,13 +385,22 @@ class Fit:
     freedom: int
     delays: tuple[int, ...] = ()
 
-    @cached_property
-    def posterior(self) -> tuple[Vector, Vector]:
-        """(p, p) covariance in units of the scales, and (p,) deviations, with the file's values."""
-        whole = self.information + np.eye(len(self.information)) / WEAK**2
+    def posterior(self, weak: float = WEAK) -> tuple[Vector, Vector]:
+        """(p, p) covariance in units of the scales, and (p,) deviations, with the file's values.
+
+        Args:
+            weak: deviation of these, in scales.
+        """
+        whole = self.information + np.eye(len(self.information)) / weak**2
         size = np.sqrt(np.diag(whole))
         inverse = np.linalg.inv(whole / np.outer(size, size)) / np.outer(size, size)
         return inverse, np.sqrt(np.diag(inverse))
+
+    @cached_property
+    def known(self) -> Mask:
+        """(p,) what is known closely, and by the logs: not because the file limits the rest."""
+        deviations, alone = self.posterior()[1], self.posterior(_WEAKER * WEAK)[1]
+        return np.asarray((deviations < KNOWN) & (alone < _BY_LOGS * deviations))
 
     @property
     def task(self) -> Task:

@@ -254,8 +254,8 @@ def _identification(program: Program, found: Fit, level: float) -> Identificatio
     problem = found.problem
     count = len(problem.continuous)
     scales = problem.scales
-    inverse, deviations = found.posterior
-    known = deviations[:count] < KNOWN
+    inverse, _ = found.posterior()
+    known = found.known[:count]
     own = 1 / np.sqrt(np.maximum(np.diag(found.information)[:count], 1e-300))
     unseen = ~known & (own > KNOWN)
     mixed = ~known & ~unseen
@@ -357,7 +357,7 @@ def _combinations(
         names = [outside.names[i] for i in group]
         used = np.abs(row) > _SMALL * np.abs(row).max()
         value = float(
-            sum(c * outside.values[i] for c, i, u in zip(si, group, used, strict=True) if u)
+            sum(c * outside.found[i] for c, i, u in zip(si, group, used, strict=True) if u)
         )
         found.append(
             Combination(
