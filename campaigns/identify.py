@@ -248,7 +248,8 @@ stages:
     axes: {rx: {move: 25 deg, speed: 40 deg/s}, ry: {move: 15 deg, speed: 30 deg/s}}}
   right: {frame: world,
     axes: {rx: {move: -25 deg, speed: 40 deg/s}, ry: {move: -15 deg, speed: 30 deg/s}}}
-  down: {frame: world, axes: {z: {velocity: -15 mm/s}}, until: force.z < -4 N for 10 ms, within: 5 s}
+  down:
+    {frame: world, axes: {z: {velocity: -15 mm/s}}, until: force.z < -4 N for 10 ms, within: 5 s}
   push:
     frame: world
     axes:
