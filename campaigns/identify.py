@@ -481,7 +481,7 @@ def page_table(rows: Sequence[Row], seed: int) -> str:
     spans: dict[int, tuple[float, float]] = {row.world: (row.seconds, row.span) for row in rows}
     rates = sorted(10 * seconds / span for seconds, span in spans.values())
     delays = [row for row in rows if row.name == DELAY]
-    right = sum(row.low < row.true <= row.high for row in delays)
+    right = sum(row.low <= row.true <= row.high for row in delays)
     held = [row.low <= row.true <= row.high for row in rows if counted(row)]
     return (
         f"Seed {seed}, {worlds} worlds. Of all {len(held)} intervals {100 * np.mean(held):.1f} % "

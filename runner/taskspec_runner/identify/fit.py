@@ -23,7 +23,7 @@ from taskspec.spec import Task
 from taskspec.spec.robot import Payload
 from taskspec_runner.identify.joints import Joints
 from taskspec_runner.identify.model import LogModel, mobility
-from taskspec_runner.identify.noise import Noise
+from taskspec_runner.identify.noise import ChannelNoise
 from taskspec_runner.identify.parameters import (
     BIAS,
     DELAY,
@@ -86,7 +86,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Zero:
+class TareZero:
     """What a tare left as the sensor's zero: a number that no file has.
 
     Attributes:
@@ -100,7 +100,7 @@ class Zero:
     component: int
 
 
-class Problem:
+class LogProblem:
     """Logs, and the parameters that they are to decide.
 
     Attributes:
@@ -122,7 +122,7 @@ class Problem:
         self._mobilities: dict[Payload | None, float] = {}
         self.parameters = tuple(parameters)
         self.zeros = tuple(
-            Zero(number, epoch, component)
+            TareZero(number, epoch, component)
             for number, log in enumerate(self.logs)
             for epoch in range(1, log.epochs + 1)
             for component in range(6)
@@ -376,12 +376,12 @@ class Fit:
         delays: ticks that are not much less likely than `delay`.
     """
 
-    problem: Problem
+    problem: LogProblem
     values: Vector
     delay: int | None
     information: Vector
     blocks: tuple[Block, ...]
-    noises: tuple[tuple[Noise | None, ...], ...]
+    noises: tuple[tuple[ChannelNoise | None, ...], ...]
     freedom: int
     delays: tuple[int, ...] = ()
 
@@ -411,24 +411,24 @@ class Fit:
 
 def noises_of(
     blocks: Sequence[Block], order: int | None = None
-) -> tuple[tuple[Noise | None, ...], ...]:
+) -> tuple[tuple[ChannelNoise | None, ...], ...]:
     """Of each block and channel; None of a channel without values."""
     found = []
     for block in blocks:
-        each: list[Noise | None] = []
+        each: list[ChannelNoise | None] = []
         for i in range(block.measured.shape[1]):
             there = block.present[:, i]
             if not there.any():
                 each.append(None)
                 continue
             size = float(np.abs(block.measured[there]).max()) if block.present.any() else 0.0
-            each.append(Noise.of(block.left[:, i], there, max(size, 1e-9), order))
+            each.append(ChannelNoise.of(block.left[:, i], there, max(size, 1e-9), order))
         found.append(tuple(each))
     return tuple(found)
 
 
 def normal_equations(
-    blocks: Sequence[Block], noises: Sequence[Sequence[Noise | None]], scales: Vector
+    blocks: Sequence[Block], noises: Sequence[Sequence[ChannelNoise | None]], scales: Vector
 ) -> tuple[Vector, Vector, float, int]:
     """(p, p) M and (p,) J'e in units of the scales, the sum of squares, and how many there are."""
     p = len(scales)
@@ -451,7 +451,7 @@ def normal_equations(
 _STAGES = (("stiffness", "damping", "xyz", "bias"), ("rpy", "friction", "filter"))
 
 
-def fit(problem: Problem, progress: Callable[[str], None] = lambda _: None) -> Fit:
+def fit(problem: LogProblem, progress: Callable[[str], None] = lambda _: None) -> Fit:
     """Finds the parameters.
 
     Args:
@@ -470,7 +470,7 @@ def fit(problem: Problem, progress: Callable[[str], None] = lambda _: None) -> F
 class _Search:
     """The iterations."""
 
-    def __init__(self, problem: Problem, values: Vector, ticks: int) -> None:
+    def __init__(self, problem: LogProblem, values: Vector, ticks: int) -> None:
         self.problem, self.values, self.ticks = problem, values, ticks
 
     @property
@@ -660,7 +660,7 @@ def step(M: Vector, g: Vector, home: Vector, damping: float = 0.0) -> tuple[Vect
 
 
 def _alike(
-    before: Sequence[Sequence[Noise | None]], after: Sequence[Sequence[Noise | None]]
+    before: Sequence[Sequence[ChannelNoise | None]], after: Sequence[Sequence[ChannelNoise | None]]
 ) -> bool:
     for one, two in zip(before, after, strict=True):
         for a, b in zip(one, two, strict=True):
@@ -669,7 +669,7 @@ def _alike(
     return True
 
 
-def started(problem: Problem, values: Vector) -> Vector:
+def started(problem: LogProblem, values: Vector) -> Vector:
     """Values to start from: surfaces are where, and as stiff as, forces say.
 
     Of each shape the height x of the ball above it and the force f along its normal are laid

@@ -16,7 +16,8 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.spec import LoadedTask, Task
 from taskspec.text.units import Dimension, si_unit
-from taskspec_runner.identify.fit import KNOWN, Block, Fit, Problem, fit
+from taskspec_runner.identify.estimate import Estimate
+from taskspec_runner.identify.fit import KNOWN, Block, Fit, LogProblem, fit
 from taskspec_runner.identify.logs import check_log, open_log
 from taskspec_runner.identify.model import LogModel
 from taskspec_runner.identify.outside import Outside
@@ -32,56 +33,6 @@ _SMALL = 0.01
 LEVEL = 0.9
 #: Of a tick, by which a delay is longer than those that are rounded up to the one before.
 _PART = 1e-3
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """One value that logs decide.
-
-    Attributes:
-        path: as `vary` and `truth` name it, such as `world.table.stiffness`.
-        index: of its component, from 0; None for a single number.
-        along: how it is meant where it is not the component of the file itself, such as
-            `along its z`; then it is a displacement from where the file has the object.
-        value, low, high: [SI]; the interval has the level of the identification.
-        deviation: standard deviation [SI].
-        declared: what the file has [SI], or what stands for it.
-        dimension: of the value.
-    """
-
-    path: str
-    index: int | None
-    along: str
-    value: float
-    low: float
-    high: float
-    deviation: float
-    declared: float
-    dimension: Dimension
-
-    @property
-    def name(self) -> str:
-        """Of the component, such as `world.table.xyz.2`."""
-        name = self.path if self.index is None or self.along else f"{self.path}.{self.index}"
-        return f"{name} {self.along}".rstrip()
-
-    @property
-    def unit(self) -> str:
-        """The SI unit."""
-        return si_unit(self.dimension)
-
-    @property
-    def declared_inside(self) -> bool:
-        """Whether the file's value is in the interval."""
-        return self.low <= self.declared <= self.high
-
-    def as_data(self) -> dict[str, Any]:
-        """For `--format json`, in SI."""
-        return {
-            "path": self.path, "index": self.index, "name": self.name, "value": self.value,
-            "low": self.low, "high": self.high, "deviation": self.deviation,
-            "declared": self.declared, "unit": self.unit, "declared_inside": self.declared_inside,
-        }  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,7 +197,7 @@ def identify(
             check_log(program, log, name)
         history = log if isinstance(log, History) else open_log(program, log, columns)
         models.append(LogModel(program, history, name))
-    found = fit(Problem(program, models, wanted), progress)
+    found = fit(LogProblem(program, models, wanted), progress)
     return _identification(program, found, level)
 
 
@@ -298,7 +249,7 @@ def _rank(order: Sequence[str], estimate: Estimate) -> int:
     return order.index(name)
 
 
-def _delay(problem: Problem, found: Fit) -> Estimate:
+def _delay(problem: LogProblem, found: Fit) -> Estimate:
     """The delay, which is counted in ticks: all delays that are rounded up to them read alike."""
     assert problem.delay is not None
     assert found.delay is not None
@@ -315,7 +266,7 @@ def _groups(
     mixed: NDArray[np.bool_],
     inverse: Vector,
     outside: Outside,
-    problem: Problem,
+    problem: LogProblem,
     quantile: float,
 ) -> list[Group]:
     """Parameters that are not known, in groups that what is known of them ties together."""
@@ -339,7 +290,7 @@ def _groups(
 
 
 def _combinations(
-    group: Sequence[int], inverse: Vector, outside: Outside, problem: Problem, quantile: float
+    group: Sequence[int], inverse: Vector, outside: Outside, problem: LogProblem, quantile: float
 ) -> list[Combination]:
     """Sums of parameters of a group that are known, each in echelon form."""
     part = inverse[np.ix_(group, group)]

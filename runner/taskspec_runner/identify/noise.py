@@ -17,7 +17,7 @@ _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Noise:
+class ChannelNoise:
     """A channel's noise as an autoregression: e[k] = sum c_i e[k-i] + s w[k], w white of unit size.
 
     Attributes:
@@ -29,7 +29,7 @@ class Noise:
     deviation: float
 
     @classmethod
-    def of(cls, left: Vector, present: Mask, size: float, order: int | None = None) -> Noise:
+    def of(cls, left: Vector, present: Mask, size: float, order: int | None = None) -> ChannelNoise:
         """That of what is left (n,) where it is present, of the order that Akaike's criterion has.
 
         Args:

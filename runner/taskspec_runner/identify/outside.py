@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.rotation import from_rpy
+from taskspec_runner.identify.estimate import Estimate
+from taskspec_runner.identify.fit import Fit, LogProblem
 from taskspec_runner.identify.parameters import FILTER, Parameter, owner_of
 from taskspec_runner.identify.poses import origin_of, rpy_of, turned
-
-if TYPE_CHECKING:
-    from taskspec_runner.identify.fit import Fit, Problem
-    from taskspec_runner.identify.identification import Estimate
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -36,7 +32,7 @@ class Outside:
         names: of each.
     """
 
-    def __init__(self, problem: Problem, found: Fit, known: Mask) -> None:
+    def __init__(self, problem: LogProblem, found: Fit, known: Mask) -> None:
         """Of a fit, of which some parameters are `known` (count,)."""
         self._problem, self._known = problem, known
         count = len(problem.continuous)
@@ -123,8 +119,6 @@ class Outside:
         self, number: int, parameter: Parameter, deviation: float, quantile: float
     ) -> Estimate:
         """One value with its interval."""
-        from taskspec_runner.identify.identification import Estimate
-
         value, declared = float(self.values[number]), parameter.declared
         ends = [value - quantile * deviation, value + quantile * deviation]
         along = self._along(parameter)

@@ -10,7 +10,8 @@ import numpy as np
 from taskspec.geometry.rotation import from_rpy
 from taskspec.program.components import value_of
 from taskspec.text.units import in_unit, number, suited
-from taskspec_runner.identify.identification import Estimate, Identification
+from taskspec_runner.identify.estimate import Estimate
+from taskspec_runner.identify.identification import Identification
 from taskspec_runner.identify.parameters import PAYLOAD
 
 #: An interval that is narrower than this share of its value is none.
