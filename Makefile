@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
-.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check
+.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check identify-worlds
 .PHONY: clean bounds energies interface
 
 demo: $(READY)  ## run the wiping task and say where its report is
@@ -87,6 +87,9 @@ boundaries: $(READY)  ## boundaries of force loops over servos: closed form, sam
 
 servo-designs: $(READY)  ## designed gains of 500 random presses over servos, from their boundary; docs/admittance-boundary.md
 	$(BIN)/python campaigns/servo_tasks.py --tasks 500 --page docs/admittance-boundary.md
+
+identify-worlds: $(READY)  ## 500 hidden worlds identified from a run each: how often intervals hold; docs/identify.md
+	$(BIN)/python campaigns/identify.py --seed 41 --worlds 500 --tasks judge --page docs/identify.md
 
 SEED ?= 1
 FILES ?= 2000
