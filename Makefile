@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
-.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid referee check
+.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid robosuite referee check
 .PHONY: clean bounds interface
 
 demo: $(READY)  ## run the wiping task and say where its report is
@@ -108,6 +108,10 @@ tsid:  ## an environment with TSID, for the referee
 	$(PYTHON) -m venv .tsid
 	.tsid/bin/pip install -q --only-binary :all: tsid==1.7.1 pin==3.4.0 eiquadprog==1.2.9
 	.tsid/bin/pip install -q "cmeel-urdfdom<5" "cmeel-tinyxml2<11"
+
+robosuite:  ## an environment with robosuite, for benchmarks beside it
+	$(PYTHON) -m venv .robosuite
+	.robosuite/bin/pip install -q robosuite==1.5.2 mujoco==3.3.0 numpy==1.26.4 numba==0.68.1 mink==0.0.5
 
 interface: $(READY)  ## the same tasks by torques, velocities and positions; writes docs/interface.md
 	$(BIN)/python benchmarks/bench_interface.py
