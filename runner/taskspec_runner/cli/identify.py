@@ -1,0 +1,88 @@
+"""`taskspec identify`: values of a task's world and arm from logs, with intervals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from taskspec_runner.cli.console import console, show, table
+from taskspec_runner.cli.formats import RunFormat
+from taskspec_runner.cli.loading import load
+from taskspec_runner.cli.options import IdentifyOptions
+from taskspec_runner.exit_codes import WELL
+from taskspec_runner.identify.identification import Identification, identify
+from taskspec_runner.identify.written import set_lines, shown, unit_of
+from taskspec_runner.record.folder import plain
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def identify_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
+    """Identifies values of a task from logs, and shows them."""
+    loaded = load(file, chosen.sets)
+    with console(err=True).status("identify") as status:
+        found = identify(
+            loaded,
+            logs,
+            chosen.paths,
+            chosen.level / 100,
+            chosen.columns,
+            lambda doing: status.update(f"identify: {doing}"),
+        )
+    if chosen.form is RunFormat.JSON:
+        typer.echo(json.dumps(plain(found.as_data()), indent=2, ensure_ascii=False))
+    else:
+        _show(found)
+    return WELL
+
+
+def _show(found: Identification) -> None:
+    from rich.text import Text
+
+    show(_table(found))
+    for line in _untold(found):
+        show(Text(line, "yellow"))
+    typer.echo(_left(found))
+    if found.estimates:
+        show("", Text("in the file, or on the command line", "bold"))
+        for line in set_lines(found):
+            typer.echo(line)
+
+
+def _table(found: Identification) -> Table:
+    from rich.text import Text
+
+    made = table("value", "identified", f"{100 * found.level:g} % interval", "in the file", "",
+                 indent=0, right=("identified",))  # fmt: skip
+    for each in found.estimates:
+        unit = unit_of(each)
+        low, high = (shown(x, each.dimension, unit, each.deviation) for x in (each.low, each.high))
+        cells = (each.name, shown(each.value, each.dimension, unit, each.deviation),
+                 f"{low} .. {high}", shown(each.declared, each.dimension, unit, 0.0))  # fmt: skip
+        mark = Text("inside") if each.declared_inside else Text("outside", "yellow")
+        made.add_row(*map(Text, cells), mark)
+    return made
+
+
+def _untold(found: Identification) -> Iterator[str]:
+    """What the logs do not tell, a line each."""
+    for group in found.confounded:
+        yield f"not told apart: {', '.join(group.names)}"
+        for each in group.known:
+            yield f"  known is {each.text} = {each.value:.6g} ({each.low:.6g} .. {each.high:.6g}), SI"
+    if found.unseen:
+        yield f"the logs show nothing of: {', '.join(found.unseen)}"
+
+
+def _left(found: Identification) -> str:
+    parts = [
+        f"{each.channel} {each.rms:.3g} of {each.size:.3g} {each.unit}"
+        for each in found.residuals
+        if each.size > 0
+    ]
+    return f"left unexplained, rms: {', '.join(parts)}"
