@@ -2,11 +2,10 @@
 
 The source distribution of afmformats 0.18.7 (MIT, Copyright (c) 2019 Paul Müller) has them in
 `examples/data/10.1002_btm2.10294_fig5d-cell1.zip`: 15 stress relaxations of one cell by a JPK
-CellHesion, of figure 5d of Battistella et al. 2022, doi
-10.1002/btm2.10294. In each the cantilever goes down by 20 um in 1 s, which is the part taken here,
-and holds for 30 s.
+CellHesion, of figure 5d of Battistella et al. 2022, doi 10.1002/btm2.10294. In each the cantilever
+goes down by 20 um in 1 s, which is the part taken here, and holds for 30 s.
 
-Of a file's readings 20 in a row are averaged, which leaves 102 a second. The place of the tip is the
+Of a file's readings 20 in a row are averaged, which leaves 102 a second. The place of the tip is
 measured height and the cantilever's deflection together; the force is that of the deflection, less
 its median over the last quarter of a second before the press.
 
@@ -62,7 +61,7 @@ def main(source: Path) -> None:
             (OUT / f"press-{number:02d}.csv").write_text(press(path), encoding="utf-8")
     licence = (source / "LICENSE").read_text(encoding="utf-8")
     (OUT / "LICENSE").write_text(licence, encoding="utf-8")
-    print(f"{len(files)} presses in {OUT}")
+    sys.stdout.write(f"{len(files)} presses in {OUT}\n")
 
 
 if __name__ == "__main__":

@@ -45,7 +45,7 @@ class Prediction:
 
 
 def predictions(found: Fit, log: LogModel) -> Iterator[Prediction]:
-    """What the world of a fit predicts of a log: what the task reads, by the motion that the log has.
+    """What the world of a fit predicts of a log: its readings, for the motion that it has.
 
     Zeros of the log's own tares, which no other log tells, are those that leave least.
     """

@@ -21,7 +21,7 @@ from taskspec_runner.identify.held_out import Prediction, predictions
 from taskspec_runner.identify.logs import check_log, open_log
 from taskspec_runner.identify.model import LogModel
 from taskspec_runner.identify.outside import Outside
-from taskspec_runner.identify.parameters import Parameter, parameters_of
+from taskspec_runner.identify.parameters import parameters_of
 from taskspec_runner.identify.words import channel_name, channel_unit
 from taskspec_runner.record.history import History
 
@@ -281,7 +281,7 @@ def _identification(
     unseen = ~known & (own > KNOWN)
     mixed = ~known & ~unseen
     outside = Outside(problem, found, known)
-    values, slopes = outside.values, outside.slopes
+    slopes = outside.slopes
     inside = (inverse * np.outer(scales, scales))[:count, :count]
     covariance = slopes @ inside @ slopes.T
     quantile = NormalDist().inv_cdf(0.5 + level / 2)
