@@ -9,14 +9,19 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from taskspec.spec import load_text
+from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.console import console, show, table
 from taskspec_runner.cli.formats import RunFormat
+from taskspec_runner.cli.given import STDIN, check_page
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.options import IdentifyOptions
+from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.exit_codes import WELL
 from taskspec_runner.identify.held_out import Prediction
 from taskspec_runner.identify.identification import Identification, identify
-from taskspec_runner.identify.written import set_lines, shown, unit_of
+from taskspec_runner.identify.patch import patched
+from taskspec_runner.identify.written import file_values, set_lines, shown, unit_of
 from taskspec_runner.record.folder import plain
 
 if TYPE_CHECKING:
@@ -25,6 +30,8 @@ if TYPE_CHECKING:
 
 def identify_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
     """Identifies values of a task from logs, and shows them."""
+    target = _target(file, chosen)
+    check_page(chosen.html)
     loaded = load(file, chosen.sets)
     with console(err=True).status("identify") as status:
         found = identify(
@@ -36,11 +43,59 @@ def identify_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
             lambda doing: status.update(f"identify: {doing}"),
             chosen.held_out or (),
         )
+    if target is not None:
+        _write(found, target)
+    if chosen.html is not None:
+        from taskspec_runner.identify.page import write_page
+
+        write_page(found, chosen.html)
     if chosen.form is RunFormat.JSON:
         typer.echo(json.dumps(plain(found.as_data()), indent=2, ensure_ascii=False))
     else:
         _show(found)
+    for what, path in (("file", target), ("page", chosen.html)):
+        if path is not None:
+            typer.echo(f"{what}: {path}", err=chosen.form is RunFormat.JSON)
     return WELL
+
+
+def _target(file: Path, chosen: IdentifyOptions) -> Path | None:
+    """Where the file with the identified values goes, if anywhere.
+
+    Raises:
+        InputError: it cannot be written there.
+    """
+    if chosen.write and chosen.patch is not None:
+        raise InputError("--patch writes another file, and --write the task file itself; give one")
+    if not chosen.write and chosen.patch is None:
+        return None
+    if chosen.sets:
+        raise InputError("a file is patched as it stands; give --patch or --write without --set")
+    if file == STDIN and chosen.write:
+        raise InputError("standard input cannot be written; give --patch OUT.YAML")
+    return file if chosen.write else chosen.patch
+
+
+def _write(found: Identification, target: Path) -> None:
+    """Writes the file with the identified values.
+
+    Raises:
+        InputError: it would not say what was identified.
+        OutputError: it cannot be written.
+    """
+    text = patched(found.loaded.source.text, file_values(found))
+    try:
+        load_text(text, str(target), base=found.loaded.base)
+    except SpecError as error:
+        first = error.diagnostics[0]
+        raise InputError(
+            f"the file cannot take the identified values ({first.code}: {first.message}); give "
+            "them by --set"
+        ) from error
+    try:
+        target.write_text(text, encoding="utf-8", newline="")
+    except OSError as error:
+        raise OutputError(target, str(error.strerror or error)) from error
 
 
 def _show(found: Identification) -> None:
@@ -65,9 +120,9 @@ def _table(found: Identification) -> Table:
                  indent=0, right=("identified",))  # fmt: skip
     for each in found.estimates:
         unit = unit_of(each)
-        low, high = (shown(x, each.dimension, unit, each.deviation) for x in (each.low, each.high))
-        cells = (each.name, shown(each.value, each.dimension, unit, each.deviation),
-                 f"{low} .. {high}", shown(each.declared, each.dimension, unit, 0.0))  # fmt: skip
+        low, high = (shown(x, unit, each.deviation) for x in (each.low, each.high))
+        cells = (each.name, shown(each.value, unit, each.deviation),
+                 f"{low} .. {high}", shown(each.declared, unit, 0.0))  # fmt: skip
         mark = Text("inside") if each.declared_inside else Text("outside", "yellow")
         made.add_row(*map(Text, cells), mark)
     return made

@@ -319,6 +319,21 @@ class IdentifyOptions(OverrideOptions):
         RunFormat.TEXT
     )
 
+    patch: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OUT.YAML",
+            help="Write the task file with the identified values, and their intervals in 'vary'.",
+        ),
+    ] = None
+    write: Annotated[
+        bool, typer.Option("--write", help="The same, into the task file itself.")
+    ] = False
+    html: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a page with what was measured and predicted."),
+    ] = None
+
     @property
     def paths(self) -> list[str] | None:
         """The paths that are wanted; None for all."""

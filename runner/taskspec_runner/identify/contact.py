@@ -24,16 +24,13 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.rotation import from_rpy
 from taskspec.program.bound import RowFunction
 from taskspec.program.world.stiffness import IMPEDANCE, added_mass, friction_ratio, settling_rate
-from taskspec.program.world.frames import surface
 from taskspec.shapes import SHAPES, Surface
 from taskspec.shapes.overlap import LEAST_FRICTION
 from taskspec.spec import Shape, Task
 from taskspec_runner.identify.motion import Motion
+from taskspec_runner.identify.rows import cross_rows
 
 Vector = NDArray[np.float64]
-
-#: Beyond this distance a ball is taken not to touch, whatever its surface is moved by [m].
-_NEAR = 0.05
 
 
 @dataclass(frozen=True)
@@ -86,7 +83,7 @@ class BallContact:
         v, a = _at(motion.twist[rows], lever), _at(motion.push[rows], lever)
         force = setting.force(shape, depth, n, v, a)
         found[rows, :3] = force
-        found[rows, 3:] = np.cross(lever, force)
+        found[rows, 3:] = cross_rows(lever, force)
         return found
 
 
@@ -139,7 +136,5 @@ class Setting:
 
 def _at(twist: Vector, lever: Vector) -> Vector:
     """(k, 3) the linear part of twists (k, 6) at levers (k, 3) from what they are of."""
-    return twist[:, :3] + np.cross(twist[:, 3:], lever)
+    return twist[:, :3] + cross_rows(twist[:, 3:], lever)
 
-
-__all__ = ["BallContact", "Setting", "surface"]

@@ -20,6 +20,8 @@ from taskspec.geometry.rotation import from_rpy
 from taskspec.program.program import Program
 from taskspec.program.sensor import SensorModel
 from taskspec.spec import Task
+from taskspec.spec.robot import Payload
+from taskspec_runner.identify.joints import Joints
 from taskspec_runner.identify.model import LogModel, mobility
 from taskspec_runner.identify.noise import Noise
 from taskspec_runner.identify.parameters import (
@@ -31,7 +33,6 @@ from taskspec_runner.identify.parameters import (
     owner_of,
 )
 from taskspec_runner.identify.poses import placed
-from taskspec_runner.identify.sensor import delayed
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -63,6 +64,7 @@ class Block:
         predicted: (n, channels).
         slopes: (parameters, n, channels) derivatives of what is predicted.
         present: (n, channels).
+        rows: (n,) ticks of the log.
     """
 
     log: int
@@ -71,6 +73,7 @@ class Block:
     predicted: Vector
     slopes: Vector
     present: Mask
+    rows: NDArray[np.int64]
 
     @property
     def left(self) -> Vector:
@@ -102,6 +105,8 @@ class Problem:
         parameters: that are wanted.
         zeros: nuisance parameters, one for each tare and component.
         first: whether nothing is known yet of the friction of joints.
+        joints: of each log, once it is known where nothing touches; None without.
+        metric: the world by whose inertia torques are weighed; None for that of the values.
     """
 
     def __init__(
@@ -109,6 +114,9 @@ class Problem:
     ) -> None:
         self.program, self.logs = program, tuple(logs)
         self.first = True
+        self.metric: Task | None = None
+        self.joints: list[Joints | None] = [None] * len(self.logs)
+        self._mobilities: dict[Payload | None, float] = {}
         self.parameters = tuple(parameters)
         self.zeros = tuple(
             Zero(number, epoch, component)
@@ -118,6 +126,13 @@ class Problem:
         )
         self.delay = next((p for p in parameters if p.path == DELAY), None)
         self.continuous = tuple(p for p in parameters if p.path != DELAY)
+
+    def mobility(self, task: Task) -> float:
+        """The tool's, as MuJoCo counts it, with what it carries in a world [1/kg]."""
+        load = task.robot.payload
+        if load not in self._mobilities:
+            self._mobilities = {load: mobility(self.program, task)}
+        return self._mobilities[load]
 
     @cached_property
     def scales(self) -> Vector:
@@ -211,12 +226,13 @@ class Problem:
         for number, log in enumerate(self.logs):
             if WRENCH in of:
                 found.append(self._wrench(number, log, task, values, by))
-            if JOINT in of and self.joints_wanted and log.torques is not None:
-                found.append(self._joints(number, log, task, values, by))
+            joints = self.joints[number] if JOINT in of else None
+            if joints is not None:
+                found.append(self._joints(number, joints, task, values, by))
         return found
 
     def _wrench(self, number: int, log: LogModel, task: Task, values: Vector, by: Mask) -> Block:
-        tool = mobility(self.program, task)
+        tool = self.mobility(task)
         contacts = log.contacts(task, tool)
         total = sum(contacts.values(), np.zeros((log.ticks, 6)))
         own = log.own(total, task)
@@ -226,12 +242,13 @@ class Problem:
         for i, constant in constants:
             shown = shown + values[i] * constant
         slopes = np.zeros((int(by.sum()), log.ticks, 6))
-        rows = {i: row for row, i in enumerate(np.flatnonzero(by))}
+        rows = {int(i): row for row, i in enumerate(np.flatnonzero(by))}
         for i, constant in constants:
             if by[i]:
                 slopes[rows[i]] = constant
         for i, parameter in enumerate(self.continuous):
-            if parameter.path != BIAS and by[i]:
+            heeded = self.weighed or not parameter.path.startswith(PAYLOAD)
+            if parameter.path != BIAS and by[i] and heeded:
                 step = _DIFFERENCE * max(self.scales[i], abs(values[i]))
                 changed = self._but(task, values, i, values[i] + step)
                 other = self._changed(log, changed, task, total, contacts, own, parameter)
@@ -244,26 +261,26 @@ class Problem:
         if late.hold_ticks > 1:
             at = np.arange(log.ticks) + 1 - late.delay_ticks
             present &= (at % late.hold_ticks == 0)[:, None]
-        return Block(number, WRENCH, readings, shown, slopes, present)
+        return Block(number, WRENCH, readings, shown, slopes, present, np.arange(log.ticks))
 
-    def _joints(self, number: int, log: LogModel, task: Task, values: Vector, by: Mask) -> Block:
-        joints = log.torques
-        assert joints is not None
-        moving = None
+    def _joints(self, number: int, log: Joints, task: Task, values: Vector, by: Mask) -> Block:
+        sliding, n = None, log.exerted.shape[1]
         if self.slides:
-            known = np.broadcast_to(np.abs(task.robot.joint_friction), joints.shape[1])
-            moving = log.moving(None if self.first else known)
-        torques = log.torques_in(task, moving)
-        slopes = np.zeros((int(by.sum()), *torques.shape))
+            known = np.broadcast_to(np.abs(task.robot.joint_friction), n)
+            sliding = log.sliding(None if self.first else known)
+        world = log.world(task)
+        metric = world[0] if self.metric is None else log.world(self.metric)[0]
+        accelerated = log.accelerated(world, sliding)
+        slopes = np.zeros((int(by.sum()), *accelerated.shape))
         for row, i in enumerate(np.flatnonzero(by)):
             if i < len(self.continuous) and self.continuous[i].path.startswith(OF_JOINTS):
                 step = _DIFFERENCE * max(self.scales[i], abs(values[i]))
-                changed = self._but(task, values, int(i), values[i] + step)
-                slopes[row] = (log.torques_in(changed, moving) - torques) / step
-        there = np.repeat(log.free(task)[:, None], joints.shape[1], axis=1)
-        if moving is not None:
-            there &= moving
-        return Block(number, JOINT, joints, torques, slopes, there)
+                other = log.world(self._but(task, values, int(i), values[i] + step))
+                change = log.accelerated(other, sliding) - accelerated
+                slopes[row] = (metric @ (change / step)[..., None])[..., 0]
+        predicted = log.exerted - log.left(metric, accelerated)
+        there = np.ones_like(predicted, dtype=bool) if sliding is None else sliding
+        return Block(number, JOINT, log.exerted, predicted, slopes, there, log.rows)
 
     @cached_property
     def joints_wanted(self) -> bool:
@@ -287,7 +304,7 @@ class Problem:
         parameter: Parameter,
     ) -> Vector | None:
         """(ticks, 6) readings with one parameter changed; None where they are the same."""
-        tool = mobility(self.program, changed)
+        tool = self.mobility(changed)
         if parameter.path.startswith("world."):
             owner = owner_of(parameter)
             difference = log.contact(owner, changed, tool) - contacts[owner]
@@ -436,8 +453,11 @@ class _Search:
 
     def joints(self, progress: Callable[[str], None]) -> None:
         """What torques of the joints say, where nothing touches."""
-        taken = self.problem.taken(OF_JOINTS, zeros=False)
-        if taken.any() and any(log.torques is not None for log in self.problem.logs):
+        problem, taken = self.problem, self.problem.taken(OF_JOINTS, zeros=False)
+        if problem.joints_wanted:
+            task = problem.task(self.values)
+            problem.joints = [log.joints(task) for log in problem.logs]
+        if any(joints is not None for joints in problem.joints):
             progress("joints")
             self._descended(taken, (JOINT,), last=False)
             self.problem.first = False
@@ -490,11 +510,13 @@ class _Search:
             last: whether to the end, with noise that hangs together from tick to tick.
         """
         problem, order = self.problem, None if last else 0
+        problem.metric = None
         scales = problem.scales[taken]
         blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
         noises = noises_of(blocks, order)
         damping = 1e-6
         for _ in range(_MOST_STEPS if last else 12):
+            problem.metric = problem.task(self.values, self.delay)
             M, g, total, _ = normal_equations(blocks, noises, scales)
             home = ((problem.declared - self.values) / problem.scales)[taken]
             cost = total + float(home @ home) / WEAK**2
@@ -512,8 +534,9 @@ class _Search:
                     break
                 damping = max(damping * 10, 1e-4)
             if not improved:
+                problem.metric = None
                 return
-            self.values = tried
+            self.values, problem.metric = tried, None
             blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
             renewed = noises_of(blocks, order)
             change = np.max(np.abs(move) / deviations, initial=0.0)
@@ -531,16 +554,29 @@ class _Search:
 
     def _profile(self, taken: Mask) -> dict[int, float]:
         """Sums of squares that are left with other delays, the parameters following linearly."""
-        problem = self.problem
+        problem, scales = self.problem, self.problem.scales[taken]
         blocks = problem.blocks(self.values, self.delay, by=taken, of=(WRENCH,))
-        noises = noises_of(blocks)
         home = ((problem.declared - self.values) / problem.scales)[taken]
         most = max(self.ticks, 1) + round(_LONGEST_DELAY / problem.period)
+        channels = []
+        for block, noises in zip(blocks, noises_of(blocks), strict=True):
+            # Ticks that some delay does not reach count for none.
+            inner = block.present.copy()
+            inner[: most + 2], inner[len(inner) - most - 2 :] = False, False
+            for i, noise in enumerate(noises):
+                if noise is not None:
+                    columns = np.column_stack([block.predicted[:, i], block.slopes[:, :, i].T])
+                    rows = np.flatnonzero(noise.usable(inner[:, i]))
+                    measured = noise.whitened(np.nan_to_num(block.measured[:, i]))
+                    channels.append((rows, measured, noise.whitened(columns)))
         found: dict[int, float] = {}
         for other in self._tried(most):
-            # Ticks that some delay does not reach count for none.
-            shifted = [_cut(_shifted(block, other - self.ticks), most + 2) for block in blocks]
-            M, g, total, _ = normal_equations(shifted, noises, problem.scales[taken])
+            late = other - self.ticks
+            M, g, total = np.zeros((len(scales),) * 2), np.zeros(len(scales)), 0.0
+            for rows, measured, columns in channels:
+                part = columns[rows - late]
+                e, J = measured[rows] - part[:, 0], part[:, 1:] * scales
+                M, g, total = M + J.T @ J, g + J.T @ e, total + float(e @ e)
             move, _ = step(M, g, home)
             found[other] = total - 2 * float(g @ move) + float(move @ M @ move)
         return found
@@ -628,25 +664,3 @@ def _hinge(x: Vector, f: Vector) -> tuple[float, float, Mask] | None:
         if k > 0 and left < best:
             best, found = left, (float(o), k, x < o)
     return found
-
-
-def _shifted(block: Block, ticks: int) -> Block:
-    """A block with what the sensor shows coming some ticks later, or sooner."""
-    if block.of == JOINT or not ticks:
-        return block
-    move = delayed if ticks > 0 else _advanced
-    return Block(
-        block.log, block.of, block.measured, move(block.predicted, abs(ticks)),
-        np.array([move(slope, abs(ticks)) for slope in block.slopes]), block.present,
-    )  # fmt: skip
-
-
-def _advanced(values: Vector, ticks: int) -> Vector:
-    return np.concatenate([values[ticks:], np.repeat(values[-1:], ticks, axis=0)])
-
-
-def _cut(block: Block, ticks: int) -> Block:
-    present = block.present.copy()
-    present[:ticks] = False
-    present[len(present) - ticks :] = False
-    return Block(block.log, block.of, block.measured, block.predicted, block.slopes, present)

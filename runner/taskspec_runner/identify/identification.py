@@ -32,6 +32,8 @@ _TOGETHER = 0.5
 #: Of a combination, what is smaller than this share of the largest is left out.
 _SMALL = 0.01
 LEVEL = 0.9
+#: Of a tick, by which a delay is longer than those that are rounded up to the one before.
+_PART = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,9 +295,12 @@ def _identification(
             )
     rows = np.flatnonzero(known)
     kept = covariance[np.ix_(rows, rows)]
+    late = [] if problem.delay is None else [problem.delay.name]
     if found.delay is not None and problem.delay is not None:
-        estimates.append(_delay(problem, found))
-        kept = np.pad(kept, (0, 1))
+        span = (max(found.delays) - min(found.delays)) * problem.period
+        if span / 2 < KNOWN * problem.delay.scale:
+            estimates.append(_delay(problem, found))
+            kept, late = np.pad(kept, (0, 1)), []
     order = [p.name for p in problem.parameters]
     ranked = sorted(range(len(estimates)), key=lambda i: _rank(order, estimates[i]))
     names = outside.names
@@ -304,7 +309,7 @@ def _identification(
         level,
         tuple(estimates[i] for i in ranked),
         kept[np.ix_(ranked, ranked)],
-        tuple(names[i] for i in np.flatnonzero(unseen)),
+        (*(names[i] for i in np.flatnonzero(unseen)), *late),
         tuple(_groups(mixed, inverse, outside, problem, quantile)),
         tuple(_residuals(found)),
         held_out,
@@ -322,7 +327,8 @@ def _delay(problem: Problem, found: Fit) -> Estimate:
     assert problem.delay is not None
     assert found.delay is not None
     period = problem.period
-    low = max(min(found.delays) - 1, 0) * period
+    # A delay is rounded up to ticks: a whole number of them is the longest that reads so.
+    low = max(min(found.delays) - 1 + _PART, 0.0) * period
     return Estimate(
         problem.delay.path, None, "", found.delay * period, low, max(found.delays) * period,
         period / 12**0.5, problem.delay.declared, problem.delay.dimension,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
 
 import mujoco
@@ -14,8 +13,10 @@ from taskspec.program.sensor import SensorModel
 from taskspec.robot.rebuild import GRAVITY
 from taskspec.spec import Sensor, Task
 from taskspec_runner.identify.contact import BallContact, Setting
+from taskspec_runner.identify.joints import Joints
 from taskspec_runner.identify.motion import Motion, Readings, motion_of
 from taskspec_runner.identify.parameters import identifiable
+from taskspec_runner.identify.rows import cross_rows, turned_rows
 from taskspec_runner.identify.sensor import readings
 from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.payload import weigh
@@ -24,18 +25,12 @@ from taskspec_runner.record.history import History
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: A joint that is slower than this may stick [rad/s, m/s].
-_SLOW = 0.01
 #: An axis that has less than this share of a normal is across it.
 _ACROSS = 1e-6
-#: Where friction is not known, a joint slides from this share of its largest speed on.
-_FASTEST = 0.7
-#: So many times as fast as it creeps at most it slides for sure.
-_SURELY = 1.5
-#: MuJoCo's impedance of a joint's friction, and the rate [1/s] at which it takes a slip away.
-_FRICTION_IMPEDANCE, _FRICTION_RATE = 0.9, 2.0 / (0.95 * 0.02)
 #: A ball that is farther than this from a shape does not touch it, however it is placed [m].
 _OFF = 1e-3
+#: Fewer ticks than these say nothing of joints.
+_LEAST_ROWS = 50
 
 
 class LogModel:
@@ -127,13 +122,13 @@ class LogModel:
         r = motion.R @ lever
         accelerated = motion.push + motion.drift
         spin, turn = motion.twist[:, 3:], accelerated[:, 3:]
-        center = accelerated[:, :3] + np.cross(turn, r) + np.cross(spin, np.cross(spin, r))
+        center = accelerated[:, :3] + cross_rows(turn, r) + cross_rows(spin, cross_rows(spin, r))
         force = -mass * (center - np.array(GRAVITY))
-        moment = np.cross(r, force)
+        moment = cross_rows(r, force)
         if inertia is not None:
             world = motion.R @ inertia @ motion.R.transpose(0, 2, 1)
             about = np.einsum("kij,kj->ki", world, turn)
-            moment -= about + np.cross(spin, np.einsum("kij,kj->ki", world, spin))
+            moment -= about + cross_rows(spin, np.einsum("kij,kj->ki", world, spin))
         return np.hstack([force, moment])
 
     @cached_property
@@ -160,7 +155,7 @@ class LogModel:
             load = task.robot.payload
             if load is not None and load.mass:
                 total = total + self.hanging(load.mass, np.array(load.xyz))
-        return _turned(self.motion.R.transpose(0, 2, 1), total)
+        return turned_rows(self.motion.R.transpose(0, 2, 1), total)
 
     def shown(self, own: Vector, task: Task) -> Vector:
         """(ticks, 6) the readings in the log's axes; bias and zero are not in them."""
@@ -169,7 +164,7 @@ class LogModel:
         if task.robot.sensor.at == "wrist":
             body = self._context.robot.tool_body
             force = body.mass * (self._tip_axes.transpose(0, 2, 1) @ np.array(GRAVITY))
-            made = made - np.hstack([force, np.cross(np.asarray(body.lever), force)])
+            made = made - np.hstack([force, cross_rows(np.asarray(body.lever), force)])
         return self.logged(made)
 
     def logged(self, tool: Vector) -> Vector:
@@ -178,8 +173,8 @@ class LogModel:
             R = self._tip_axes if self._turns else self.motion.R
             tool = tool.copy()
             lever = (R.transpose(0, 2, 1) @ self._lever[..., None])[..., 0]
-            tool[:, 3:] -= np.cross(lever, tool[:, :3])
-        return _turned(self._into_log, tool)
+            tool[:, 3:] -= cross_rows(lever, tool[:, :3])
+        return turned_rows(self._into_log, tool)
 
     @cached_property
     def _into_log(self) -> Vector:
@@ -210,72 +205,16 @@ class LogModel:
 
     # What the joints do.
 
-    @property
-    def torques(self) -> Vector | None:
-        """(ticks, joints) that move the nominal arm as the log's arm moved; None if not known."""
-        return None if self.motion.exerted is None else self.motion.torque
-
-    def moving(self, friction: Vector | None) -> Mask:
-        """(ticks, joints) where a joint moves so fast that it slides.
-
-        Args:
-            friction: (joints,) its friction [N m, N]; None where that is not known: then it is
-                when it is nearly as fast as ever.
-        """
-        speed = np.abs(self.motion.rates)
-        if friction is None:
-            creeps = _FASTEST * speed.max(axis=0)
-        else:
-            # As MuJoCo's joints creep below their friction.
-            dofs = self._context.robot.model.dof_invweight0[: speed.shape[1]]
-            creeps = _SURELY * friction * (1 - _FRICTION_IMPEDANCE) / _FRICTION_IMPEDANCE * dofs
-            creeps = creeps / _FRICTION_RATE
-        return np.asarray(speed > np.maximum(creeps, _SLOW))
-
-    def free(self, task: Task) -> Mask:
-        """(ticks,) where the ball is clearly off every shape."""
+    def joints(self, task: Task) -> Joints | None:
+        """The joints where the ball is clearly off every shape; None without torques of them."""
+        if self.motion.exerted is None or self._context.robot.coupling.couples:
+            return None
         off = np.ones(self.ticks, dtype=bool)
         for name, contact in self._contacts.items():
-            d, _ = contact.surroundings(self._center, task.world[name])
+            d, _ = contact.surroundings(self._center, task.shapes[name])
             off &= d > self._radius + _OFF
-        return off
-
-    def torques_in(self, task: Task, moving: Mask | None) -> Vector:
-        """(ticks, joints) that move the nominal arm as the log's torques would move a world's.
-
-        H a + C v + g of the acceleration a that those give the arm with its true payload, joint
-        damping and joint friction, where nothing touches it.
-
-        Args:
-            task: with these.
-            moving: (ticks, joints) which joints slide, the others accelerate as they did; None
-                where no joint sticks.
-        """
-        motion, robot = self.motion, task.robot
-        assert motion.exerted is not None
-        n = motion.rates.shape[1]
-        damping = np.broadcast_to(robot.joint_damping, n)
-        friction = np.broadcast_to(robot.joint_friction, n)
-        known = motion.exerted - motion.bias - damping * motion.rates
-        known -= friction * np.sign(motion.rates)
-        load = robot.payload
-        if not (load is not None and load.mass) and not damping.any() and moving is None:
-            return np.asarray(known + motion.bias)
-        H = motion.inertia + np.diag(damping) / task.control.plant_rate
-        if load is not None and load.mass:
-            r = motion.R @ np.array(load.xyz)
-            J = motion.jacobian[:, :3] - np.cross(r[:, :, None], motion.jacobian[:, 3:], axis=1)
-            drift, spin = motion.drift, motion.twist[:, 3:]
-            still = drift[:, :3] + np.cross(drift[:, 3:], r) + np.cross(spin, np.cross(spin, r))
-            H += load.mass * (J.transpose(0, 2, 1) @ J)
-            weight = load.mass * (still - np.array(GRAVITY))
-            known -= (J.transpose(0, 2, 1) @ weight[..., None])[..., 0]
-        if moving is not None:
-            stuck = ~moving
-            H[stuck] = np.broadcast_to(np.eye(n), H.shape)[stuck]
-            known = np.where(stuck, motion.acceleration, known)
-        moved = np.linalg.solve(H, known[..., None])
-        return np.asarray((motion.inertia @ moved)[..., 0] + motion.bias)
+        rows = np.flatnonzero(off)
+        return Joints(self._context, self.motion, rows) if len(rows) > _LEAST_ROWS else None
 
 
 def mobility(program: Program, task: Task) -> float:
@@ -285,13 +224,3 @@ def mobility(program: Program, task: Task) -> float:
         return float(robot.tool_body.mobility)
     arm = SceneArm(robot, task.robot, program.context.start)
     return weigh(robot.spec.copy(), arm)
-
-
-def _turned(R: Vector, wrench: Vector) -> Vector:
-    """(n, 6) wrenches with both parts turned by R (n, 3, 3)."""
-    made = np.empty_like(wrench)
-    for i in range(3):
-        for part in (0, 3):
-            x = wrench[:, part : part + 3]
-            made[:, part + i] = R[:, i, 0] * x[:, 0] + R[:, i, 1] * x[:, 1] + R[:, i, 2] * x[:, 2]
-    return made

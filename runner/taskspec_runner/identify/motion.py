@@ -40,7 +40,6 @@ class Motion:
         acceleration: (n, joints) a [rad/s^2, m/s^2].
         inertia: (n, joints, joints) H of the nominal arm.
         bias: (n, joints) C v + g of it [N m, N].
-        torque: (n, joints) H a + C v + g of it [N m, N].
         exerted: (n, joints) what the joints were commanded; None where the log has no torques, or
             of an arm that takes none.
     """
@@ -55,7 +54,6 @@ class Motion:
     acceleration: Vector
     inertia: Vector
     bias: Vector
-    torque: Vector
     exerted: Vector | None
 
 
@@ -104,7 +102,6 @@ def motion_of(program: Program, history: History) -> Motion:
         acceleration=acceleration,
         inertia=H,
         bias=bias,
-        torque=np.einsum("kij,kj->ki", H, acceleration) + bias,
         exerted=exerted,
     )
 
