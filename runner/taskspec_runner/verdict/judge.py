@@ -7,11 +7,12 @@ from taskspec.expression.series import Series, SeriesAlgebra
 from taskspec.program.program import Program
 from taskspec.spec import Expectation, Task
 from taskspec_runner.record.history import History
+from taskspec_runner.record.named import column_of, scope_of
 from taskspec_runner.verdict.condition_margins import ConditionMargins
 from taskspec_runner.verdict.diagnosed import line_of
 from taskspec_runner.verdict.explanation import Explainer, Explanation, Sides
 from taskspec_runner.verdict.judged import Broken, Judged, Margin, MeasuredValue
-from taskspec_runner.verdict.lookup import Elsewhere, Lookup, column_of, scope_of
+from taskspec_runner.verdict.lookup import Elsewhere, Lookup
 from taskspec_runner.verdict.replay import Replay
 
 

@@ -9,32 +9,19 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.expression import Meaning, Scope, ScopeKind, resolve, tree
+from taskspec.expression import Meaning, resolve, tree
 from taskspec.expression.scope import CONSTANTS
 from taskspec.expression.series import Series, SeriesAlgebra
 from taskspec.spec import Task
 from taskspec.spec.params import slots_of, worths
 from taskspec_runner.record.file_array import full
 from taskspec_runner.record.history import History, NotRecordedError
-from taskspec_runner.record.layout import param_column
+from taskspec_runner.record.named import column_of, param_column, scope_of
 
 Vector = NDArray[np.float64]
 
 #: name, axis, frame -> (n,) the signal in the axes of that frame.
 Elsewhere = Callable[[str, str | None, str], Vector]
-
-
-def scope_of(task: Task) -> Scope:
-    """The names that the expectations of a task may use."""
-    return Scope(
-        ScopeKind.EXPECT,
-        task.params,
-        frozenset(task.stages),
-        {name: thing.kind for name, thing in task.world.items()},
-        frozenset(
-            ("world", "tool", *task.world, *task.frames, *(f"{m}.handle" for m in task.mechanisms))
-        ),
-    )
 
 
 class Lookup:
@@ -203,21 +190,3 @@ class Lookup:
         reason = f" ({absent})" if absent else ""
         hint = "" if meaning.stage or len(where) > 3 else "; name the stage with it"
         return f"{name} has no value in {stages}{reason}{hint}"
-
-
-def column_of(meaning: Meaning) -> str:
-    """The log's name of a signal, or of what it has beside it."""
-    name = _signal_of(meaning)
-    return f"{name}.{meaning.beside}" if meaning.beside else name
-
-
-def _signal_of(meaning: Meaning) -> str:
-    if meaning.kind == "joint":
-        return f"joint.{meaning.subject}.{meaning.name}"
-    if meaning.kind == "object":
-        return f"{meaning.subject}.{meaning.name}"
-    if meaning.kind == "gain":
-        return f"gain.{meaning.name}.{meaning.subject}"
-    if meaning.kind == "link":
-        return f"link.{meaning.name}"
-    return f"{meaning.name}.{meaning.axis}" if meaning.axis else meaning.name
