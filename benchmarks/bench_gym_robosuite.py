@@ -24,6 +24,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+
 from taskspec_runner.gym import make
 
 ROOT = Path(__file__).resolve().parents[1]
