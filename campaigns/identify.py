@@ -96,7 +96,9 @@ stages:
             "world.bench.friction": _uniform(0.1, 0.5),
             "world.bench.xyz": _list("0", "0", _uniform(298, 302, "mm")),
             "world.bench.rpy": _list(_uniform(-2, 2, "deg"), _uniform(-2, 2, "deg"), "0"),
-            "robot.sensor.bias": _list(*(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3),
+            "robot.sensor.bias": _list(
+                *(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3
+            ),
             "robot.sensor.delay": _uniform(0, 6, "ms"),
             "robot.sensor.filter": _log(40, 200, "Hz"),
         },
@@ -127,7 +129,9 @@ stages:
             "world.pipe.xyz": _list("500 mm", _uniform(-1, 1, "mm"), _uniform(288, 292, "mm")),
             "robot.payload.mass": _uniform(50, 400, "g"),
             "robot.payload.xyz": _list(*(_uniform(-20, 20, "mm"),) * 2, _uniform(-60, 0, "mm")),
-            "robot.sensor.bias": _list(*(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3),
+            "robot.sensor.bias": _list(
+                *(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3
+            ),
             "robot.sensor.delay": _uniform(0, 4, "ms"),
         },
         "[{torque: noise 0.05 N*m}]",
@@ -159,7 +163,149 @@ stages:
     ),
 )
 
-TASKS = {"develop": DEVELOP}
+_WRENCH = _list(*(_uniform(-1.5, 1.5, "N"),) * 3, *(_uniform(-80, 80, "mN*m"),) * 3)
+
+JUDGE = (
+    Hidden(
+        "rub-a-slope",
+        """
+robot: {model: panda, tool: {shape: sphere, radius: 10 mm, length: 110 mm, mass: 350 g},
+  start: {xyz: [480 mm, -60 mm, 330 mm]}, sensor: {noise: {force: 0.2 N, torque: 12 mN*m}, delay: 1 ms}}
+world: {slope: {shape: plane, xyz: [480 mm, -60 mm, 300 mm], rpy: [0, 12 deg, 0], stiffness: 18 kN/m, friction: 0.25}}
+frames: {task: {surface: slope}}
+frame: task
+stages:
+  near: {axes: {z: {velocity: -15 mm/s}}, until: force.z < -4 N for 10 ms, within: 4 s}
+  rub:
+    axes:
+      z: {force: "-14 N - 5 N*sin(2*pi*t/(0.25 s)) - 3 N*sin(2*pi*t/(1.1 s))"}
+      x: {velocity: "25 mm/s*sin(2*pi*t/(0.8 s))"}
+      y: {velocity: "35 mm/s*sin(2*pi*t/(1.2 s))"}
+    time: 2.4 s
+""",
+        {
+            "world.slope.stiffness": _log(10, 50, "kN/m"),
+            "world.slope.damping": _uniform(20, 100, "N*s/m"),
+            "world.slope.friction": _uniform(0.1, 0.5),
+            "world.slope.rpy": _list("0", _uniform(10.5, 13.5, "deg"), "0"),
+            "robot.sensor.bias": _WRENCH,
+            "robot.sensor.delay": _uniform(0.1, 5, "ms"),
+            "robot.sensor.filter": _log(30, 120, "Hz"),
+        },
+    ),
+    Hidden(
+        "press-a-dome",
+        """
+robot: {model: ur5e, tool: {shape: sphere, radius: 15 mm, length: 130 mm, mass: 500 g},
+  start: {xyz: [420 mm, 130 mm, 360 mm]}, sensor: {noise: {force: 0.1 N, torque: 6 mN*m}, filter: 80 Hz}}
+world: {dome: {shape: sphere, xyz: [420 mm, 130 mm, 240 mm], radius: 90 mm, stiffness: 12 kN/m, damping: 40 N*s/m, friction: 0.3}}
+frames: {task: {surface: dome}}
+frame: task
+stages:
+  near: {axes: {z: {velocity: -20 mm/s}}, until: force.z < -3 N for 10 ms, within: 4 s}
+  circle:
+    axes:
+      z: {force: "-10 N - 4 N*sin(2*pi*t/(0.3 s))"}
+      x: {velocity: "40 mm/s*sin(2*pi*t/(1.0 s))"}
+      y: {velocity: "40 mm/s*cos(2*pi*t/(1.0 s))"}
+    time: 2.2 s
+""",
+        {
+            "world.dome.stiffness": _log(6, 30, "kN/m"),
+            "world.dome.damping": _uniform(15, 90, "N*s/m"),
+            "world.dome.friction": _uniform(0.1, 0.5),
+            "world.dome.xyz": _list(
+                _uniform(418, 422, "mm"), _uniform(128, 132, "mm"), _uniform(238, 242, "mm")
+            ),
+            "robot.sensor.bias": _WRENCH,
+            "robot.sensor.filter": _log(40, 200, "Hz"),
+        },
+    ),
+    Hidden(
+        "weigh-and-press",
+        """
+robot: {model: ur5e, tool: {shape: sphere, radius: 10 mm, length: 100 mm, mass: 250 g},
+  start: {xyz: [460 mm, 0, 345 mm]}, sensor: {at: wrist, noise: {force: 0.2 N, torque: 10 mN*m}}}
+world: {block: {shape: box, xyz: [460 mm, 0, 280 mm], size: [200 mm, 200 mm, 60 mm], stiffness: 25 kN/m, friction: 0.2}}
+stages:
+  left: {frame: world, axes: {rx: {move: 25 deg, speed: 40 deg/s}, ry: {move: 15 deg, speed: 30 deg/s}}}
+  right: {frame: world, axes: {rx: {move: -25 deg, speed: 40 deg/s}, ry: {move: -15 deg, speed: 30 deg/s}}}
+  down: {frame: world, axes: {z: {velocity: -15 mm/s}}, until: force.z < -4 N for 10 ms, within: 5 s}
+  push:
+    frame: world
+    axes:
+      z: {force: "-11 N - 5 N*sin(2*pi*t/(0.35 s))"}
+      x: {velocity: "25 mm/s*sin(2*pi*t/(0.9 s))"}
+      y: {velocity: "25 mm/s*sin(2*pi*t/(0.6 s))"}
+    time: 2 s
+""",
+        {
+            "world.block.stiffness": _log(10, 50, "kN/m"),
+            "world.block.damping": _uniform(20, 100, "N*s/m"),
+            "world.block.friction": _uniform(0.1, 0.4),
+            "world.block.xyz": _list("460 mm", "0", _uniform(278.5, 281.5, "mm")),
+            "robot.payload.mass": _uniform(100, 600, "g"),
+            "robot.payload.xyz": _list(*(_uniform(-20, 20, "mm"),) * 2, _uniform(-50, 0, "mm")),
+            "robot.sensor.bias": _WRENCH,
+            "robot.sensor.delay": _uniform(0.1, 4, "ms"),
+        },
+        "[{torque: noise 0.03 N*m}]",
+    ),
+    Hidden(
+        "wave",
+        """
+robot: {model: panda, tool: {shape: sphere, radius: 10 mm, length: 100 mm, mass: 300 g},
+  start: {xyz: [450 mm, 0, 450 mm]}, sensor: {noise: {force: 0.2 N, torque: 10 mN*m}}}
+stages:
+  wave:
+    frame: world
+    axes:
+      x: {position: "450 mm + 70 mm*sin(2*pi*t/(1.5 s))"}
+      y: {position: "80 mm*sin(2*pi*t/(1.2 s))"}
+      z: {position: "450 mm + 60 mm*sin(2*pi*t/(1.7 s))"}
+      rx: {velocity: "55 deg/s*cos(2*pi*t/(1.3 s))"}
+      ry: {velocity: "45 deg/s*cos(2*pi*t/(1.6 s))"}
+      rz: {velocity: "60 deg/s*cos(2*pi*t/(2.1 s))"}
+    time: 4 s
+""",
+        {
+            "robot.payload.mass": _uniform(100, 900, "g"),
+            "robot.payload.xyz": _list(*(_uniform(-30, 30, "mm"),) * 3),
+            "robot.joint_friction": _uniform(0.02, 0.4, "N*m"),
+            "robot.joint_damping": _uniform(0.1, 0.6, "N*m*s/rad"),
+            "robot.sensor.bias": _WRENCH,
+        },
+        "[{torque: noise 0.05 N*m}]",
+    ),
+    Hidden(
+        "admit",
+        """
+robot: {model: ur5e, command: velocity, tool: {shape: sphere, radius: 15 mm, length: 120 mm, mass: 300 g},
+  start: {xyz: [450 mm, 100 mm, 325 mm]}, sensor: {noise: {force: 0.3 N, torque: 15 mN*m}}}
+world: {table: {shape: plane, xyz: [0, 0, 300 mm], stiffness: 20 kN/m, friction: 0.2}}
+frame: world
+stages:
+  near: {axes: {z: {velocity: -10 mm/s}}, until: force.z < -4 N for 10 ms, within: 5 s}
+  press:
+    axes:
+      z: {force: "-15 N - 6 N*sin(2*pi*t/(0.8 s))"}
+      x: {velocity: "20 mm/s*sin(2*pi*t/(1.0 s))"}
+      y: {velocity: "20 mm/s*sin(2*pi*t/(0.7 s))"}
+    time: 2.4 s
+""",
+        {
+            "world.table.stiffness": _log(8, 30, "kN/m"),
+            "world.table.damping": _uniform(20, 100, "N*s/m"),
+            "world.table.friction": _uniform(0.1, 0.4),
+            "world.table.xyz": _list("0", "0", _uniform(298.5, 301.5, "mm")),
+            "world.table.rpy": _list(_uniform(-1.5, 1.5, "deg"), _uniform(-1.5, 1.5, "deg"), "0"),
+            "robot.sensor.bias": _WRENCH,
+            "robot.sensor.filter": _log(40, 150, "Hz"),
+        },
+    ),
+)
+
+TASKS = {"develop": DEVELOP, "judge": JUDGE}
 
 
 @dataclass(frozen=True)
@@ -248,7 +394,14 @@ def table(rows: Sequence[Row]) -> Iterator[Sequence[str]]:
         error = np.array([r.value - r.true for r in own])
         with np.errstate(all="ignore"):
             bias = np.mean(error / half)
-        yield task, name, str(len(own)), f"{100 * held:.1f} %", f"{bias:+.3f}", f"{np.median(half):.3g}"
+        yield (
+            task,
+            name,
+            str(len(own)),
+            f"{100 * held:.1f} %",
+            f"{bias:+.3f}",
+            f"{np.median(half):.3g}",
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -13,7 +13,7 @@ from taskspec.spec import load_text
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.console import console, show, table
 from taskspec_runner.cli.formats import RunFormat
-from taskspec_runner.cli.given import STDIN, check_page
+from taskspec_runner.cli.given import STDIN
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.options import IdentifyOptions
 from taskspec_runner.errors import InputError, OutputError
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 def identify_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
     """Identifies values of a task from logs, and shows them."""
     target = _target(file, chosen)
-    check_page(chosen.html)
     loaded = load(file, chosen.sets)
     with console(err=True).status("identify") as status:
         found = identify(
@@ -45,17 +44,12 @@ def identify_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
         )
     if target is not None:
         _write(found, target)
-    if chosen.html is not None:
-        from taskspec_runner.identify.page import write_page
-
-        write_page(found, chosen.html)
     if chosen.form is RunFormat.JSON:
         typer.echo(json.dumps(plain(found.as_data()), indent=2, ensure_ascii=False))
     else:
         _show(found)
-    for what, path in (("file", target), ("page", chosen.html)):
-        if path is not None:
-            typer.echo(f"{what}: {path}", err=chosen.form is RunFormat.JSON)
+    if target is not None:
+        typer.echo(f"file: {target}", err=chosen.form is RunFormat.JSON)
     return WELL
 
 
@@ -133,7 +127,8 @@ def _untold(found: Identification) -> Iterator[str]:
     for group in found.confounded:
         yield f"not told apart: {', '.join(group.names)}"
         for each in group.known:
-            yield f"  known is {each.text} = {each.value:.6g} ({each.low:.6g} .. {each.high:.6g}), SI"
+            ends = f"{each.low:.6g} .. {each.high:.6g}"
+            yield f"  known is {each.text} = {each.value:.6g} ({ends}), in SI"
     if found.unseen:
         yield f"the logs show nothing of: {', '.join(found.unseen)}"
 

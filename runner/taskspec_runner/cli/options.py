@@ -326,13 +326,9 @@ class IdentifyOptions(OverrideOptions):
             help="Write the task file with the identified values, and their intervals in 'vary'.",
         ),
     ] = None
-    write: Annotated[
-        bool, typer.Option("--write", help="The same, into the task file itself.")
-    ] = False
-    html: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write a page with what was measured and predicted."),
-    ] = None
+    write: Annotated[bool, typer.Option("--write", help="The same, into the task file itself.")] = (
+        False
+    )
 
     @property
     def paths(self) -> list[str] | None:

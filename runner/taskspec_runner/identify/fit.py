@@ -41,11 +41,13 @@ Mask = NDArray[np.bool_]
 KNOWN = 0.3
 #: What the file says counts as one measurement, with so many scales for its deviation.
 WEAK = 3.0
-_MOST_STEPS = 60
+_MOST_STEPS, _FEW_STEPS = 60, 12
 #: Steps that are this share of the deviations end the iterations.
 _SMALL = 1e-3
 #: Of a parameter's scale, by which differences are taken.
 _DIFFERENCE = 1e-6
+#: What changes readings by less than this share of the largest is a matter of their last digits.
+_UNSEEN = 1e-5
 #: The longest delay that is tried [s], in addition to the declared one.
 _LONGEST_DELAY = 0.1
 WRENCH, JOINT = "wrench", "joint"
@@ -104,16 +106,15 @@ class Problem:
         logs: with their models.
         parameters: that are wanted.
         zeros: nuisance parameters, one for each tare and component.
-        first: whether nothing is known yet of the friction of joints.
         joints: of each log, once it is known where nothing touches; None without.
-        metric: the world by whose inertia torques are weighed; None for that of the values.
+        metric: the world by whose inertia torques are weighed, and by whose friction joints slide;
+            None for that of the values.
     """
 
     def __init__(
         self, program: Program, logs: Sequence[LogModel], parameters: Sequence[Parameter]
     ) -> None:
         self.program, self.logs = program, tuple(logs)
-        self.first = True
         self.metric: Task | None = None
         self.joints: list[Joints | None] = [None] * len(self.logs)
         self._mobilities: dict[Payload | None, float] = {}
@@ -139,6 +140,17 @@ class Problem:
         """(p,) of all continuous parameters and zeros."""
         zeros = [5.0 if z.component < 3 else 0.5 for z in self.zeros]
         return np.array([p.scale for p in self.continuous] + zeros)
+
+    @cached_property
+    def least(self) -> Vector:
+        """(p,) what values are at least."""
+        found = np.full(len(self.scales), -np.inf)
+        for i, parameter in enumerate(self.continuous):
+            if parameter.path.endswith(".stiffness"):
+                found[i] = max(1e-3 * abs(parameter.declared), 1.0)
+            elif parameter.path.endswith(".friction") or parameter.path == FILTER:
+                found[i] = 0.0
+        return found
 
     @cached_property
     def declared(self) -> Vector:
@@ -173,15 +185,14 @@ class Problem:
         other[number] = value
         nominal = self.program.context.loaded.task
         name = owner_of(parameter)
-        at_home = task.model_copy(
-            update={"world": {**task.world, name: task.world[name].model_copy(
-                update={"xyz": nominal.world[name].xyz, "rpy": nominal.world[name].rpy})}}
-        )  # fmt: skip
+        own, declared = task.shapes[name], nominal.shapes[name]
+        back = own.model_copy(update={"xyz": declared.xyz, "rpy": declared.rpy})
+        at_home = task.model_copy(update={"world": {**task.world, name: back}})
         return self._placed(at_home, name, other)
 
     @cached_property
     def moving(self) -> dict[str, dict[int, int]]:
-        """Of each object that is placed anew: row of its displacement -> number of the parameter."""
+        """Of each object that is placed anew: row of its displacement -> number of a parameter."""
         found: dict[str, dict[int, int]] = {}
         for number, parameter in enumerate(self.continuous):
             if parameter.moves:
@@ -253,7 +264,7 @@ class Problem:
                 changed = self._but(task, values, i, values[i] + step)
                 other = self._changed(log, changed, task, total, contacts, own, parameter)
                 if other is not None:
-                    slopes[rows[i]] = (other - alone) / step
+                    slopes[rows[i]] = self._heeded((other - alone) / step, i, alone)
         readings = log.readings
         present = np.isfinite(readings)
         late = SensorModel.of(task.robot.sensor, log.period)
@@ -266,8 +277,8 @@ class Problem:
     def _joints(self, number: int, log: Joints, task: Task, values: Vector, by: Mask) -> Block:
         sliding, n = None, log.exerted.shape[1]
         if self.slides:
-            known = np.broadcast_to(np.abs(task.robot.joint_friction), n)
-            sliding = log.sliding(None if self.first else known)
+            known = (task if self.metric is None else self.metric).robot.joint_friction
+            sliding = log.sliding(np.broadcast_to(np.abs(known), n))
         world = log.world(task)
         metric = world[0] if self.metric is None else log.world(self.metric)[0]
         accelerated = log.accelerated(world, sliding)
@@ -277,10 +288,16 @@ class Problem:
                 step = _DIFFERENCE * max(self.scales[i], abs(values[i]))
                 other = log.world(self._but(task, values, int(i), values[i] + step))
                 change = log.accelerated(other, sliding) - accelerated
-                slopes[row] = (metric @ (change / step)[..., None])[..., 0]
+                slope = (metric @ (change / step)[..., None])[..., 0]
+                slopes[row] = self._heeded(slope, int(i), log.exerted)
         predicted = log.exerted - log.left(metric, accelerated)
         there = np.ones_like(predicted, dtype=bool) if sliding is None else sliding
         return Block(number, JOINT, log.exerted, predicted, slopes, there, log.rows)
+
+    def _heeded(self, slope: Vector, number: int, of: Vector) -> Vector | float:
+        """A derivative; nothing where all that a parameter may plausibly be off hardly shows."""
+        seen = np.abs(slope).max(initial=0.0) * self.scales[number]
+        return slope if seen > _UNSEEN * np.abs(of).max(initial=0.0) else 0.0
 
     @cached_property
     def joints_wanted(self) -> bool:
@@ -459,11 +476,8 @@ class _Search:
             problem.joints = [log.joints(task) for log in problem.logs]
         if any(joints is not None for joints in problem.joints):
             progress("joints")
-            self._descended(taken, (JOINT,), last=False)
-            self.problem.first = False
-            self._descended(taken, (JOINT,), last=False)
+            self._descended(taken, (JOINT,), last=False, most=_MOST_STEPS)
             self._descended(taken, (JOINT,), last=True)
-        self.problem.first = False
 
     def contacts(self, progress: Callable[[str], None]) -> None:
         """What the sensor says."""
@@ -476,6 +490,8 @@ class _Search:
                 taken &= ~self.problem.taken(OF_JOINTS, zeros=False)
             last = number == len(_STAGES)
             of = (WRENCH, JOINT) if both and last else (WRENCH,)
+            if last:
+                self._turns()
             for _ in range(6):
                 progress("contact")
                 self._descended(taken, of, last=last)
@@ -483,6 +499,18 @@ class _Search:
                 if best == self.ticks:
                     break
                 self.ticks = best
+
+    def _turns(self) -> None:
+        """Finds out whether sensors turn with the tool, of which files do not say so."""
+        for number, log in enumerate(self.problem.logs):
+            if not log.open:
+                continue
+            left = {}
+            for turns in (False, True):
+                log.turns = turns
+                block = self.problem.blocks(self.values, self.delay, of=(WRENCH,))[number]
+                left[turns] = float(np.square(block.left).sum())
+            log.turns = left[True] < left[False]
 
     def found(self) -> Fit:
         """The parameters, and what is known of them."""
@@ -501,13 +529,16 @@ class _Search:
             count - len(problem.scales), delays,
         )  # fmt: skip
 
-    def _descended(self, taken: Mask, of: Sequence[str], *, last: bool) -> None:
+    def _descended(
+        self, taken: Mask, of: Sequence[str], *, last: bool, most: int = _FEW_STEPS
+    ) -> None:
         """Least squares under their own noise.
 
         Args:
             taken: (p,) which parameters are changed.
             of: which channels count.
             last: whether to the end, with noise that hangs together from tick to tick.
+            most: steps, if it is not the last time.
         """
         problem, order = self.problem, None if last else 0
         problem.metric = None
@@ -515,17 +546,16 @@ class _Search:
         blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
         noises = noises_of(blocks, order)
         damping = 1e-6
-        for _ in range(_MOST_STEPS if last else 12):
+        for _ in range(_MOST_STEPS if last else most):
             problem.metric = problem.task(self.values, self.delay)
             M, g, total, _ = normal_equations(blocks, noises, scales)
             home = ((problem.declared - self.values) / problem.scales)[taken]
             cost = total + float(home @ home) / WEAK**2
             improved = False
             while damping < 1e6:
-                move, deviations = step(M, g, home, damping)
+                move, deviations = self._move(M, g, home, damping, taken)
                 tried = self.values.copy()
-                tried[taken] += scales * move
-                tried = _bounded(problem, tried)
+                tried[taken] = np.maximum(tried[taken] + scales * move, problem.least[taken])
                 other = problem.blocks(tried, self.delay, of=of)
                 _, _, after, _ = normal_equations(other, noises, scales)
                 away = ((problem.declared - tried) / problem.scales)[taken]
@@ -536,6 +566,7 @@ class _Search:
             if not improved:
                 problem.metric = None
                 return
+            move = (tried - self.values)[taken] / scales
             self.values, problem.metric = tried, None
             blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
             renewed = noises_of(blocks, order)
@@ -545,6 +576,18 @@ class _Search:
             damping = max(damping / 10, 1e-9)
             if change < (_SMALL if last else 0.1) and same:
                 return
+
+    def _move(
+        self, M: Vector, g: Vector, home: Vector, damping: float, taken: Mask
+    ) -> tuple[Vector, Vector]:
+        """A step; what is at its bound, and would go beyond it, stays there."""
+        move, deviations = step(M, g, home, damping)
+        held = (self.values <= self.problem.least)[taken] & (move < 0)
+        if held.any():
+            free = np.flatnonzero(~held)
+            move = np.zeros_like(move)
+            move[free], deviations[free] = step(M[np.ix_(free, free)], g[free], home[free], damping)
+        return move, deviations
 
     def _best_delay(self, taken: Mask) -> int:
         if self.problem.delay is None:
@@ -584,8 +627,9 @@ class _Search:
     def _tried(self, most: int) -> list[int]:
         """Delays that are tried: all near the present one, ever fewer farther away."""
         near = range(max(self.ticks - 8, 0), self.ticks + 9)
-        far = {round(8 * 1.3**i) for i in range(30)}
-        return sorted({*near, *(t for d in far for t in (self.ticks - d, self.ticks + d) if 0 <= t <= most)})  # fmt: skip
+        away = {round(8 * 1.3**i) for i in range(30)}
+        far = {t for d in away for t in (self.ticks - d, self.ticks + d) if 0 <= t <= most}
+        return sorted({*near, *far})
 
 
 def step(M: Vector, g: Vector, home: Vector, damping: float = 0.0) -> tuple[Vector, Vector]:
@@ -602,17 +646,6 @@ def step(M: Vector, g: Vector, home: Vector, damping: float = 0.0) -> tuple[Vect
     inverse = np.linalg.inv(whole / np.outer(size, size) + damping * np.eye(len(M)))
     found = inverse @ ((g + home / WEAK**2) / size) / size
     return found, np.sqrt(np.diag(inverse)) / size
-
-
-def _bounded(problem: Problem, values: Vector) -> Vector:
-    """Values that a world can have."""
-    made = values.copy()
-    for i, parameter in enumerate(problem.continuous):
-        if parameter.path.endswith(".stiffness"):
-            made[i] = max(made[i], 1e-3 * abs(parameter.declared), 1.0)
-        elif parameter.path.endswith(".friction") or parameter.path == FILTER:
-            made[i] = max(made[i], 0.0)
-    return made
 
 
 def _alike(

@@ -15,8 +15,8 @@ from taskspec.compiler import compile_unchecked
 from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.spec import LoadedTask, Task
-from taskspec.text.units import Dimension, scaled, si_unit
-from taskspec_runner.identify.fit import KNOWN, WEAK, Fit, Problem, fit
+from taskspec.text.units import Dimension, si_unit
+from taskspec_runner.identify.fit import KNOWN, Fit, Problem, fit
 from taskspec_runner.identify.held_out import Prediction, predictions
 from taskspec_runner.identify.logs import check_log, open_log
 from taskspec_runner.identify.model import LogModel
@@ -199,7 +199,10 @@ class Identification:
         Raises:
             KeyError: logs do not decide it.
         """
-        return next((e for e in self.estimates if e.name == name), None) or _missing(name)
+        for each in self.estimates:
+            if each.name == name:
+                return each
+        raise KeyError(name)
 
     def as_data(self) -> dict[str, Any]:
         """For `--format json`, in SI."""
@@ -214,10 +217,6 @@ class Identification:
             "residuals": [each.as_data() for each in self.residuals],
             "held_out": [each.as_data() for each in self.held_out],
         }
-
-
-def _missing(name: str) -> Estimate:
-    raise KeyError(name)
 
 
 def identify(
@@ -426,15 +425,3 @@ def _residuals(found: Fit) -> list[Residual]:
                          channel_unit(block.of, i))
             )  # fmt: skip
     return made
-
-
-__all__ = [
-    "LEVEL",
-    "WEAK",
-    "Combination",
-    "Estimate",
-    "Group",
-    "Identification",
-    "identify",
-    "scaled",
-]

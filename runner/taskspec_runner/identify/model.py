@@ -29,6 +29,8 @@ Mask = NDArray[np.bool_]
 _ACROSS = 1e-6
 #: A ball that is farther than this from a shape does not touch it, however it is placed [m].
 _OFF = 1e-3
+#: Ticks in which a ball is farther from a shape, as iterations start, are left out [m].
+_NEAR = 0.01
 #: Fewer ticks than these say nothing of joints.
 _LEAST_ROWS = 50
 
@@ -43,6 +45,9 @@ class LogModel:
         history: of it.
         motion: of the arm in the steps that the rows' readings come from.
         measured: the readings.
+        open: whether the file does not say that the sensor turns with the tool.
+        turns: whether it is taken to: each reading is then turned into the world with the tool's
+            axes of the tick, else with those of the step that it comes from.
     """
 
     def __init__(self, program: Program, history: History, name: str) -> None:
@@ -65,8 +70,12 @@ class LogModel:
         }
         self._center = self.motion.p + self.motion.R @ tool.centers[0]
         self._radius = float(tool.radii[0])
-        self._kept: dict[tuple[int, int], Vector] = {}
-        self._turns = task.robot.sensor != Sensor() or any(s.tare for s in task.stages.values())
+        self._into: dict[bool, Vector] = {}
+        self._near: dict[str, NDArray[np.int64]] = {}
+        self._kept: dict[tuple[int, int, bool], Vector] = {}
+        stages = task.stages.values()
+        self.open = task.robot.sensor == Sensor() and not any(each.tare for each in stages)
+        self.turns = not self.open
 
     @property
     def ticks(self) -> int:
@@ -96,8 +105,13 @@ class LogModel:
 
     def contact(self, name: str, task: Task, mobility: float) -> Vector:
         """(ticks, 6) what one shape exerts on the tip, world axes [N, N m]."""
-        setting, shape = Setting.of(task, mobility), task.world[name]
-        return self._contacts[name].wrench(self.motion, self._center, self._radius, shape, setting)
+        setting, shape = Setting.of(task, mobility), task.shapes[name]
+        if name not in self._near:
+            d, _ = self._contacts[name].surroundings(self._center, shape)
+            self._near[name] = np.flatnonzero(d < self._radius + _NEAR)
+        return self._contacts[name].wrench(
+            self.motion, self._center, self._radius, shape, setting, self._near[name]
+        )
 
     def touch(self, name: str, task: Task) -> tuple[Vector, Vector, Vector]:
         """(k,) heights of the ball above a shape, (k,) forces along its normal, (k, 3) normals."""
@@ -164,23 +178,25 @@ class LogModel:
         if task.robot.sensor.at == "wrist":
             body = self._context.robot.tool_body
             force = body.mass * (self._tip_axes.transpose(0, 2, 1) @ np.array(GRAVITY))
-            made = made - np.hstack([force, cross_rows(np.asarray(body.lever), force)])
+            made = made - np.hstack([force, cross_rows(np.asarray(body.lever)[None], force)])
         return self.logged(made)
 
     def logged(self, tool: Vector) -> Vector:
         """(ticks, 6) wrenches in the tool's axes about the tip, as the log has them."""
         if self._lever is not None:
-            R = self._tip_axes if self._turns else self.motion.R
+            R = self._tip_axes if self.turns else self.motion.R
             tool = tool.copy()
             lever = (R.transpose(0, 2, 1) @ self._lever[..., None])[..., 0]
             tool[:, 3:] -= cross_rows(lever, tool[:, :3])
         return turned_rows(self._into_log, tool)
 
-    @cached_property
+    @property
     def _into_log(self) -> Vector:
         """(ticks, 3, 3) from the tool's axes to the log's."""
-        R = self._tip_axes if self._turns else self.motion.R
-        return np.asarray(self.measured.axes[1:].transpose(0, 2, 1) @ R)
+        if self.turns not in self._into:
+            R = self._tip_axes if self.turns else self.motion.R
+            self._into[self.turns] = self.measured.axes[1:].transpose(0, 2, 1) @ R
+        return self._into[self.turns]
 
     @cached_property
     def _lever(self) -> Vector | None:
@@ -194,9 +210,10 @@ class LogModel:
 
     def constant(self, component: int, epoch: int) -> Vector:
         """(ticks, 6) what one unit of a constant reading is in the log, between two tares."""
-        if (component, epoch) not in self._kept:
-            self._kept[component, epoch] = self._constant(component, epoch)
-        return self._kept[component, epoch]
+        key = component, epoch, self.turns
+        if key not in self._kept:
+            self._kept[key] = self._constant(component, epoch)
+        return self._kept[key]
 
     def _constant(self, component: int, epoch: int) -> Vector:
         unit = np.zeros((self.ticks, 6))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from taskspec.geometry.rotation import from_rpy
 from taskspec_runner.identify.parameters import FILTER, Parameter, owner_of
-from taskspec_runner.identify.poses import rpy_of, turned
+from taskspec_runner.identify.poses import origin_of, rpy_of, turned
 
 if TYPE_CHECKING:
     from taskspec_runner.identify.fit import Fit, Problem
@@ -83,19 +83,20 @@ class Outside:
         by = np.zeros(6)
         for row, number in self._problem.moving[name].items():
             by[row] = inside[number]
-        own = from_rpy(self._problem.program.context.loaded.task.world[name].rpy)
-        R = turned(own, by[3:])
-        return np.concatenate([own.T @ R @ by[:3], rpy_of(own.T @ R, np.zeros(3))])
+        shape = self._problem.program.context.loaded.task.shapes[name]
+        own = from_rpy(shape.rpy)
+        away = own.T @ (origin_of(shape, by) - np.array(shape.xyz))
+        return np.concatenate([away, rpy_of(own.T @ turned(own, by[3:]), np.zeros(3))])
 
     def _aligned(self, parameter: Parameter) -> bool:
-        shape = self._problem.program.context.loaded.task.world[owner_of(parameter)]
+        shape = self._problem.program.context.loaded.task.shapes[owner_of(parameter)]
         return not any(shape.rpy)
 
     def _outside(self, inside: Vector) -> Vector:
         made = inside.copy()
         for name, rows in self._problem.moving.items():
             pose = self._pose(name, inside)
-            shape = self._problem.program.context.loaded.task.world[name]
+            shape = self._problem.program.context.loaded.task.shapes[name]
             if not any(shape.rpy):
                 pose[:3] += shape.xyz
             for row, number in rows.items():
@@ -130,7 +131,7 @@ class Outside:
             value, declared = parameter.value(inside), parameter.value(declared)
             deviation = (ends[1] - ends[0]) / (2 * quantile)
         elif parameter.moves and not along:
-            shape = self._problem.program.context.loaded.task.world[owner_of(parameter)]
+            shape = self._problem.program.context.loaded.task.shapes[owner_of(parameter)]
             of = shape.xyz if parameter.path.endswith(".xyz") else shape.rpy
             declared = float(of[parameter.index or 0])
         low = max(ends[0], parameter.least)

@@ -38,8 +38,8 @@ FRAMES = "frames"
 class Parameter:
     """A component of a value that can be identified.
 
-    Iterations go by its value, but of a filter f by the lag b T/(1 - b), b = exp(-2 pi f T), which is
-    0 for no filter.
+    Iterations go by its value, but of a filter f by the lag b T/(1 - b), b = exp(-2 pi f T), which
+    is 0 for no filter.
 
     Attributes:
         path: as `vary` names it.
@@ -142,6 +142,8 @@ def _all(program: Program) -> Iterator[Parameter]:
         for key, scale in _OF_SHAPE.items():
             path = f"world.{name}.{key}"
             if key == "stiffness" and isinstance(shape.stiffness, str):
+                continue
+            if key == "rpy" and shape.shape == "sphere":
                 continue
             yield from _components(program, path, scale, 0.0 if key in _POSITIVE else -math.inf)
     for key, scale in _OF_ROBOT.items():

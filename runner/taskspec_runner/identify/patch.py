@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import yaml
 
@@ -12,7 +12,7 @@ from taskspec_runner.errors import InputError
 _INSTEAD = {"rpy": ("normal", "axis")}
 
 
-def patched(text: str, values: Mapping[Sequence[str], str]) -> str:
+def patched(text: str, values: Mapping[tuple[str, ...], str]) -> str:
     """A text with values put at keys; what is not there yet is added.
 
     Args:
@@ -23,7 +23,7 @@ def patched(text: str, values: Mapping[Sequence[str], str]) -> str:
         InputError: a key leads through something that has no keys.
     """
     for path, value in values.items():
-        text = _put(text, tuple(path), value)
+        text = _put(text, path, value)
     return text
 
 
@@ -43,8 +43,11 @@ def _put(text: str, path: tuple[str, ...], value: str) -> str:
         if not isinstance(below, yaml.MappingNode):
             kept = _short(text, below)
             if kept is None:
-                raise InputError(f"'{'.'.join(path[: depth + 1])}' has no keys, so '{path[-1]}' has "
-                                 "no place there; give the values by --set")  # fmt: skip
+                so_far = ".".join(path[: depth + 1])
+                raise InputError(
+                    f"'{so_far}' has no keys in the file, so '{path[-1]}' has no place there; give "
+                    "the values by --set"
+                )
             return _put(_replaced(text, key, below, kept, None), path, value)
         owner, depth = below, depth + 1
     return text
@@ -59,15 +62,14 @@ def _entry(owner: yaml.MappingNode, name: str) -> tuple[yaml.Node, yaml.Node] | 
 
 def _short(text: str, node: yaml.Node) -> str | None:
     """What an empty value becomes where keys are put below it; None where it says something."""
-    return "{}" if isinstance(node, yaml.ScalarNode) and not text[_start(node) : _end(node)] else None
+    empty = isinstance(node, yaml.ScalarNode) and not text[_start(node) : _end(node)]
+    return "{}" if empty else None
 
 
-def _replaced(
-    text: str, key: yaml.Node, old: yaml.Node, value: str, name: str | None
-) -> str:
+def _replaced(text: str, key: yaml.Node, old: yaml.Node, value: str, name: str | None) -> str:
     """A text with another value at a key, and another name of the key."""
     start, end = _start(old), _end(old)
-    if not isinstance(old, yaml.ScalarNode) and not old.flow_style:
+    if isinstance(old, yaml.CollectionNode) and not old.flow_style:
         # A list below its key goes up into the line of that.
         start = text.index(":", key.end_mark.index) + 1
         value = f" {value}"
@@ -78,7 +80,7 @@ def _replaced(
 
 
 def _added(
-    text: str, root: yaml.MappingNode, owner: yaml.MappingNode, path: Sequence[str], value: str
+    text: str, root: yaml.MappingNode, owner: yaml.MappingNode, path: tuple[str, ...], value: str
 ) -> str:
     """A text with a new key in a mapping."""
     for name in reversed(path[1:]):
@@ -100,7 +102,7 @@ def _added(
     if owner is root and value.startswith("{"):
         # A new section has its entries below it.
         line = f"{path[0]}:\n  {value[1:-1]}"
-    return text[: at + 1] + " " * column + line + "\n" + text[at + 1 :]
+    return f"{text[: at + 1]}{' ' * column}{line}\n{text[at + 1 :]}"
 
 
 def _start(node: yaml.Node) -> int:
@@ -109,7 +111,7 @@ def _start(node: yaml.Node) -> int:
 
 def _end(node: yaml.Node) -> int:
     """Where a node's own text ends, without what comes behind it."""
-    if isinstance(node, yaml.ScalarNode) or node.flow_style:
+    if not isinstance(node, yaml.CollectionNode) or node.flow_style:
         return int(node.end_mark.index)
     return max((_end(each) for each in _below(node)), default=int(node.start_mark.index))
 

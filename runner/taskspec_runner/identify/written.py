@@ -1,4 +1,4 @@
-"""Estimates as people and files write them: numbers with units, `--set` lines, entries of `vary`."""
+"""Estimates as people and files write them: numbers with units, `--set` lines, and `vary`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from taskspec_runner.identify.identification import Estimate, Identification
 from taskspec_runner.identify.parameters import PAYLOAD
 
 #: An interval that is narrower than this share of its value is none.
-_SAME = 1e-9
+_SAME = 1e-6
 #: Digits of a value beyond the first one of its deviation.
 _BEYOND = 2
 _MOST_DIGITS = 9
@@ -72,7 +72,8 @@ def _listed(found: Identification, path: str, estimates: list[Estimate]) -> str:
         if i not in deviation and not any(e.along for e in estimates):
             value = value_of(context, found.loaded.task, path, i)
         unit = suited(max(abs(value), least), dimension)
-        parts.append(shown(value, unit, deviation.get(i, least)))
+        text = shown(value, unit, deviation.get(i, least))
+        parts.append("0" if text.startswith("0 ") else text)
     return f"[{', '.join(parts)}]"
 
 
@@ -132,7 +133,7 @@ def _off(each: Estimate) -> str:
 
 
 def _tolerance(width: float, each: Estimate) -> str:
-    if math.isinf(width) or width <= _SAME * max(abs(each.value), abs(each.declared)):
+    if math.isinf(width) or width <= _SAME * max(abs(each.value), abs(each.declared), _SAME):
         return "0"
     unit = suited(width, each.dimension)
     return f"+- {number(in_unit(width, unit), 3)} {unit}".rstrip()
