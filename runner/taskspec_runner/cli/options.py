@@ -457,6 +457,38 @@ class CutOptions:
 
 
 @dataclass(frozen=True)
+class DatasetOptions:
+    """What a dataset of runs holds."""
+
+    lerobot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Write runs as a LeRobot dataset, an episode each, those of a sweep among them: a "
+            "folder that is new or empty.",
+        ),
+    ] = None
+    fps: Annotated[
+        int | None,
+        typer.Option(min=1, help="The frames of a second of it.", show_default="30"),
+    ] = None
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            metavar="auto|AZIMUTH,ELEVATION,DISTANCE",
+            help="Film the runs for it: from where all of the first run is visible, or from here, "
+            "in degrees and metres.",
+        ),
+    ] = None
+    size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WxH", help="The size of its pictures, in pixels.", show_default="320x240"
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
 class ReplayOptions:
     """Where a recorded run is shown, if not as a video."""
 
