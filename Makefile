@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
-.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check identify-worlds
+.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check identify-worlds robosuite cell-presses
 .PHONY: clean bounds energies interface
 
 demo: $(READY)  ## run the wiping task and say where its report is
@@ -121,6 +121,18 @@ tsid:  ## an environment with TSID, for the referee
 	$(PYTHON) -m venv .tsid
 	.tsid/bin/pip install -q --only-binary :all: tsid==1.7.1 pin==3.4.0 eiquadprog==1.2.9
 	.tsid/bin/pip install -q "cmeel-urdfdom<5" "cmeel-tinyxml2<11"
+
+robosuite:  ## an environment with robosuite, for benchmarks beside it
+	$(PYTHON) -m venv .robosuite
+	.robosuite/bin/pip install -q robosuite==1.5.2 mujoco==3.3.0 numpy==1.26.4 numba==0.68.1 mink==0.0.5
+
+cell-presses:  ## presses on a cell that others have recorded, from a package; writes docs/how-to/cell
+	$(PYTHON) -m venv .afmformats
+	.afmformats/bin/pip install -q afmformats==0.18.7
+	rm -rf .afmformats/source && mkdir .afmformats/source
+	.afmformats/bin/pip download -q --no-deps --no-binary :all: --dest .afmformats/source afmformats==0.18.7
+	tar -xzf .afmformats/source/*.tar.gz -C .afmformats/source
+	.afmformats/bin/python campaigns/cell_presses.py .afmformats/source/afmformats-0.18.7
 
 interface: $(READY)  ## the same tasks by torques, velocities and positions; writes docs/interface.md
 	$(BIN)/python benchmarks/bench_interface.py

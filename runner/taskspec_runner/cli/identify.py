@@ -18,6 +18,7 @@ from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.options import IdentifyOptions
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.exit_codes import WELL
+from taskspec_runner.identify.held_out import Prediction
 from taskspec_runner.identify.identification import Identification, identify
 from taskspec_runner.identify.patch import patched
 from taskspec_runner.identify.written import file_values, set_lines, shown, unit_of
@@ -39,6 +40,7 @@ def identify_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
             chosen.level / 100,
             chosen.columns,
             lambda doing: status.update(f"identify: {doing}"),
+            chosen.held_out or (),
         )
     if target is not None:
         _write(found, target)
@@ -97,6 +99,8 @@ def _show(found: Identification) -> None:
     for line in _untold(found):
         show(Text(line, "yellow"))
     typer.echo(_left(found))
+    for each in found.held_out:
+        typer.echo(_held_out(each))
     if found.estimates:
         show("", Text("in the file, or on the command line", "bold"))
         for line in set_lines(found):
@@ -127,6 +131,15 @@ def _untold(found: Identification) -> Iterator[str]:
             yield f"  known is {each.text} = {each.value:.6g} ({ends}), in SI"
     if found.unseen:
         yield f"the logs show nothing of: {', '.join(found.unseen)}"
+
+
+def _held_out(found: Prediction) -> str:
+    """What is predicted of a channel of a log that nothing was identified from."""
+    return (
+        f"held out, {found.log}: {found.channel} is predicted to {found.rms:.3g} {found.unit} rms, "
+        f"{found.share:.1%} of its peak of {found.peak:.3g} {found.unit}, where "
+        f"{found.predicted:.3g} {found.unit} is predicted"
+    )
 
 
 def _left(found: Identification) -> str:

@@ -308,6 +308,14 @@ class IdentifyOptions(OverrideOptions):
             "name of a ready map.",
         ),
     ] = None
+    held_out: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="LOG",
+            help="A log that nothing is identified from, of which it is predicted what it reads; "
+            "may be repeated.",
+        ),
+    ] = None
     form: Annotated[RunFormat, typer.Option("--format", help="The format of the result.")] = (
         RunFormat.TEXT
     )

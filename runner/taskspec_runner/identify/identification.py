@@ -18,10 +18,12 @@ from taskspec.spec import LoadedTask, Task
 from taskspec.text.units import Dimension, si_unit
 from taskspec_runner.identify.estimate import Estimate
 from taskspec_runner.identify.fit import KNOWN, Block, Fit, LogProblem, fit
+from taskspec_runner.identify.held_out import Prediction, predictions
 from taskspec_runner.identify.logs import check_log, open_log
 from taskspec_runner.identify.model import LogModel
 from taskspec_runner.identify.outside import Outside
 from taskspec_runner.identify.parameters import parameters_of
+from taskspec_runner.identify.words import channel_name, channel_unit
 from taskspec_runner.record.history import History
 
 Vector = NDArray[np.float64]
@@ -118,6 +120,7 @@ class Identification:
         unseen: names of the parameters that no log shows anything of.
         confounded: parameters that logs do not tell apart.
         residuals: of each channel.
+        held_out: what is predicted of logs that nothing was identified from.
         fit: the numbers behind it.
     """
 
@@ -128,6 +131,7 @@ class Identification:
     unseen: tuple[str, ...]
     confounded: tuple[Group, ...]
     residuals: tuple[Residual, ...]
+    held_out: tuple[Prediction, ...]
     fit: Fit
 
     @property
@@ -162,6 +166,7 @@ class Identification:
             "unseen": list(self.unseen),
             "confounded": [each.as_data() for each in self.confounded],
             "residuals": [each.as_data() for each in self.residuals],
+            "held_out": [each.as_data() for each in self.held_out],
         }
 
 
@@ -172,6 +177,7 @@ def identify(
     level: float = LEVEL,
     columns: Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    held_out: Sequence[Path | History] = (),
 ) -> Identification:
     """Identifies values of a task's world and arm from logs, with intervals.
 
@@ -182,6 +188,7 @@ def identify(
         level: of the intervals.
         columns: the column map of files, or the name of a ready one.
         progress: is called with what is being done.
+        held_out: logs that are not identified from, and of which it is predicted what they read.
 
     Raises:
         SpecError: the task does not compile.
@@ -189,19 +196,34 @@ def identify(
     """
     program = task if isinstance(task, Program) else compile_unchecked(task)
     wanted = parameters_of(program, what)
-    models = []
-    for number, log in enumerate(logs, 1):
-        name = f"log {number}" if isinstance(log, History) else str(log)
-        progress(f"reading {name}")
-        if isinstance(log, History):
-            check_log(program, log, name)
-        history = log if isinstance(log, History) else open_log(program, log, columns)
-        models.append(LogModel(program, history, name))
-    found = fit(LogProblem(program, models, wanted), progress)
-    return _identification(program, found, level)
+    used, kept = (
+        [_model(program, log, f"{word} {i}", columns, progress) for i, log in enumerate(given, 1)]
+        for word, given in (("log", logs), ("held-out log", held_out))
+    )
+    found = fit(LogProblem(program, used, wanted), progress)
+    predicted = tuple(each for log in kept for each in predictions(found, log))
+    return _identification(program, found, level, predicted)
 
 
-def _identification(program: Program, found: Fit, level: float) -> Identification:
+def _model(
+    program: Program,
+    log: Path | History,
+    name: str,
+    columns: Path | None,
+    progress: Callable[[str], None],
+) -> LogModel:
+    """A log with its model, named by its path where it has one."""
+    name = name if isinstance(log, History) else str(log)
+    progress(f"reading {name}")
+    if isinstance(log, History):
+        check_log(program, log, name)
+    history = log if isinstance(log, History) else open_log(program, log, columns)
+    return LogModel(program, history, name)
+
+
+def _identification(
+    program: Program, found: Fit, level: float, held_out: tuple[Prediction, ...]
+) -> Identification:
     problem = found.problem
     count = len(problem.continuous)
     scales = problem.scales
@@ -240,6 +262,7 @@ def _identification(program: Program, found: Fit, level: float) -> Identificatio
         (*(names[i] for i in np.flatnonzero(unseen)), *late),
         tuple(_groups(mixed, inverse, outside, problem, quantile)),
         tuple(_residuals(found)),
+        held_out,
         found,
     )
 
@@ -347,15 +370,9 @@ def _residuals(found: Fit) -> list[Residual]:
                 continue
             rows = block.present[:, i]
             left, own = block.left[rows, i], block.measured[rows, i]
-            unit = "N" if block.of == "wrench" and i < 3 else "N*m"
             made.append(
-                Residual(name, _channel(block, i), float(np.sqrt(np.mean(left**2))),
-                         noise.deviation, float(np.sqrt(np.mean(own**2))), unit)
+                Residual(name, channel_name(block.of, i), float(np.sqrt(np.mean(left**2))),
+                         noise.deviation, float(np.sqrt(np.mean(own**2))),
+                         channel_unit(block.of, i))
             )  # fmt: skip
     return made
-
-
-def _channel(block: Block, i: int) -> str:
-    if block.of == "joint":
-        return f"joint.{i + 1}.torque"
-    return f"force.{'xyz'[i]}" if i < 3 else f"torque.{('rx', 'ry', 'rz')[i - 3]}"

@@ -25,6 +25,8 @@ from taskspec_runner.record.history import History
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+#: An axis that has less than this share of a normal is across it.
+_ACROSS = 1e-6
 #: A ball that is farther than this from a shape does not touch it, however it is placed [m].
 _OFF = 1e-3
 #: Ticks in which a ball is farther from a shape, as iterations start, are left out [m].
@@ -113,11 +115,14 @@ class LogModel:
 
     def touch(self, name: str, task: Task) -> tuple[Vector, Vector, Vector]:
         """(k,) heights of the ball above a shape, (k,) forces along its normal, (k, 3) normals."""
-        there = np.isfinite(self.readings[:, :3]).all(axis=1)
-        axes, forces = self.measured.axes[1:][there], self.readings[there, :3]
-        d, n = self._contacts[name].surroundings(self._center[there], task.shapes[name])
-        world = np.einsum("kij,kj->ki", axes, forces)
-        return d - self._radius, (world * n).sum(axis=1), n
+        axes, forces = self.measured.axes[1:], self.readings[:, :3]
+        d, n = self._contacts[name].surroundings(self._center, task.shapes[name])
+        # A log may have the components along the normal alone.
+        along = np.einsum("kji,kj->ki", axes, n)
+        needed = np.abs(along) > _ACROSS
+        there = np.isfinite(axes).all(axis=(1, 2)) & (np.isfinite(forces) | ~needed).all(axis=1)
+        pressed = np.where(needed, along * forces, 0.0).sum(axis=1)
+        return d[there] - self._radius, pressed[there], n[there]
 
     def hanging(self, mass: float, lever: Vector, inertia: Vector | None = None) -> Vector:
         """(ticks, 6) what a body exerts on the tip that carries it, world axes [N, N m].

@@ -177,9 +177,11 @@ class Readings:
                 self.taring[visit.rows] = True
                 tares += 1
             for axis in AXES:
-                name = f"{axis.effort}.{axis}.measured"
-                if axis in plan.axes and name in history.columns:
-                    self.values[visit.rows, axis.row] = -history.columns[name][visit.rows]
+                name = f"{axis.effort}.{axis}"
+                # What was recorded elsewhere was measured: there is no truth beside it.
+                found = history.columns.get(f"{name}.measured", history.columns.get(name))
+                if axis in plan.axes and found is not None:
+                    self.values[visit.rows, axis.row] = -found[visit.rows]
         self.lever[:] = replay.offset()
 
     @cached_property
