@@ -117,6 +117,14 @@ def sweep(
 
 
 @_command
+def tune(*, file: options.TaskFile, tuning: options.TuneOptions) -> int:
+    """Find gains that succeed in every world that 'vary' allows, or the interval in the way."""
+    from taskspec_runner.cli.tune import tune_task
+
+    return tune_task(file, tuning)
+
+
+@_command
 def compare(*, file: options.TaskFile, comparing: options.CompareOptions) -> int:
     """Run a task under several laws: one table and one picture, and which law cannot and why."""
     from taskspec_runner.cli.compare import compare_laws
