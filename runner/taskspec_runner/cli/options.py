@@ -296,7 +296,7 @@ class TuneOptions(OverrideOptions):
     ] = 50
     budget: Annotated[
         int, typer.Option(min=1, help="The number of settings after which the search ends.")
-    ] = 150
+    ] = 100
     patch: Annotated[
         Path | None,
         typer.Option(

@@ -27,7 +27,7 @@ from taskspec_runner.record.whole import write_whole
 from taskspec_runner.sweep.statistics import Rate
 from taskspec_runner.sweep.summary import rate_text
 from taskspec_runner.tune.obstacles import failures
-from taskspec_runner.tune.search import Glimpse, Watch
+from taskspec_runner.tune.search import SearchGlimpse, Watch
 from taskspec_runner.tune.tuned import Tuned, Wanted, tune
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def _progress(*, shown: bool) -> Iterator[Watch | None]:
     last = 0.0
     with Live(console=console(err=True), auto_refresh=False, transient=True) as live:
 
-        def watch(glimpse: Glimpse) -> None:
+        def watch(glimpse: SearchGlimpse) -> None:
             nonlocal last
             if time.monotonic() - last >= _PAUSE:
                 last = time.monotonic()
@@ -197,7 +197,7 @@ def _progress(*, shown: bool) -> Iterator[Watch | None]:
         yield watch
 
 
-def _glimpse(glimpse: Glimpse) -> str:
+def _glimpse(glimpse: SearchGlimpse) -> str:
     text = f"{glimpse.what}: {glimpse.tried} of up to {glimpse.most} settings"
     if glimpse.best is None:
         return text

@@ -21,8 +21,8 @@ from taskspec_runner.tune.loops import loop_faults
 
 #: More corners than this are not all tried: so many of them, evenly apart.
 _MOST_CORNERS = 16
-#: Margins that differ by less are alike.
-ALIKE = 1e-4
+#: Margins that differ by less are alike: a hundredth of what an expectation allows.
+ALIKE = 0.01
 #: Of a world whose run oscillates or saturates, with all expectations met.
 _FOUND = -0.25
 
@@ -122,7 +122,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Evaluation:
+class TriedGains:
     """What became of some gains.
 
     Attributes:
@@ -145,7 +145,7 @@ class Evaluation:
         return self.whole and not self.against and all(r["success"] for r in self.rows.values())
 
 
-def evaluate(question: Question) -> Evaluation:
+def evaluate(question: Question) -> TriedGains:
     """Tries some gains: their sampled loops first, then world after world."""
     try:
         loaded = question.loaded()
@@ -170,12 +170,12 @@ def evaluate(question: Question) -> Evaluation:
         if question.rival is not None and _beaten(key, question.rival):
             break
     texts = tuple(each.text for each in weak)
-    return Evaluation(key, rows, (), texts, len(rows) == len(worlds))
+    return TriedGains(key, rows, (), texts, len(rows) == len(worlds))
 
 
-def _refused(errors: Sequence[str]) -> Evaluation:
+def _refused(errors: Sequence[str]) -> TriedGains:
     key = Key(-1.0, -math.inf, -float(len(errors)), -math.inf, -math.inf)
-    return Evaluation(key, {}, tuple(errors), (), whole=False)
+    return TriedGains(key, {}, tuple(errors), (), whole=False)
 
 
 def _beaten(key: Key, rival: Key) -> bool:

@@ -21,7 +21,7 @@ STIFFNESS_MARGIN = 1.25
 
 
 @dataclass(frozen=True, slots=True)
-class Interval:
+class VariedNumber:
     """A random number of `vary`, as a file has it.
 
     Attributes:
@@ -49,20 +49,20 @@ class Interval:
         return f"{value:.4g}" if self.dimension is None else scaled(value, self.dimension, 3)
 
 
-def intervals(context: Context) -> list[Interval]:
+def intervals(context: Context) -> list[VariedNumber]:
     """The random numbers of a task, in the order of its file."""
     found = []
     for draw, own in draws_of(context).items():
         if own is None:
             middle = (draw.low + draw.high) / 2
-            found.append(Interval(draw.name, draw, middle))
+            found.append(VariedNumber(draw.name, draw, middle))
             continue
         (path, index), variation = own
         found.append(_interval(context, (path, index), variation, draw))
     return found
 
 
-def _interval(context: Context, part: Component, variation: Variation, draw: Draw) -> Interval:
+def _interval(context: Context, part: Component, variation: Variation, draw: Draw) -> VariedNumber:
     from taskspec.program.components import nominal
 
     path, index = part
@@ -71,7 +71,7 @@ def _interval(context: Context, part: Component, variation: Variation, draw: Dra
     anchor = min(max(variation.drawn(middle, middle), draw.low), draw.high)
     dimension = context.loaded.task.target_of(path).dimensions[index or 0]
     name = path if index is None else f"{path}.{component_name(path, index)}"
-    return Interval(name, draw, anchor, zero, one - zero, dimension)
+    return VariedNumber(name, draw, anchor, zero, one - zero, dimension)
 
 
 def narrowed(loaded: LoadedTask, ends: Mapping[str, Ends]) -> LoadedTask:

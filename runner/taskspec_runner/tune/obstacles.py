@@ -11,9 +11,9 @@ from taskspec.spec import Task
 from taskspec.spec.expectation import titled
 from taskspec_runner.loop.fixed_step import DONE
 from taskspec_runner.sweep.world_run import Row, expectation_keys
-from taskspec_runner.tune.evaluation import Evaluation
+from taskspec_runner.tune.evaluation import TriedGains
 from taskspec_runner.tune.gains import Setting
-from taskspec_runner.tune.intervals import Ends, Interval
+from taskspec_runner.tune.intervals import Ends, VariedNumber
 from taskspec_runner.tune.search import Found, Searcher
 
 #: Halvings of what an interval is shrunk by.
@@ -34,7 +34,7 @@ class Obstacle:
         fails: what goes wrong where it is wider than that, or anyway.
     """
 
-    interval: Interval
+    interval: VariedNumber
     works: Ends | None
     setting: Setting | None
     fails: tuple[str, ...]
@@ -53,7 +53,7 @@ class Shrinking:
         self._searcher, self._best = searcher, best
         self._pool: list[Setting] = [best.setting]
 
-    def obstacle(self, interval: Interval) -> Obstacle:
+    def obstacle(self, interval: VariedNumber) -> Obstacle:
         """How far one may vary."""
         low, high = interval.draw.low, interval.draw.high
         middle = interval.anchor
@@ -77,7 +77,7 @@ class Shrinking:
 
     def _halved(
         self,
-        interval: Interval,
+        interval: VariedNumber,
         good: Ends,
         bad: Ends,
         side: int,
@@ -95,7 +95,7 @@ class Shrinking:
                 bad, fails = ends, self._why(found.evaluation) or fails
         return good, setting, fails
 
-    def _works(self, interval: Interval, ends: Ends) -> Found:
+    def _works(self, interval: VariedNumber, ends: Ends) -> Found:
         """Gains with other ends of one number: known ones, or those of a short search."""
         most = len(self._pool) + 4 * len(self._searcher.knobs)
         shown = interval.text(ends)
@@ -110,11 +110,11 @@ class Shrinking:
             self._pool.append(found.setting)
         return found
 
-    def _why(self, evaluation: Evaluation) -> tuple[str, ...]:
+    def _why(self, evaluation: TriedGains) -> tuple[str, ...]:
         return failures(self._searcher.program.context.loaded.task, evaluation)
 
 
-def _between(interval: Interval, one: float, other: float) -> float:
+def _between(interval: VariedNumber, one: float, other: float) -> float:
     """The value in the middle of two of a number."""
     values = [interval.offset + interval.unit * each for each in (one, other)]
     if min(values) > 0 and max(values) > _WIDE * min(values):
@@ -122,7 +122,7 @@ def _between(interval: Interval, one: float, other: float) -> float:
     return (one + other) / 2
 
 
-def failures(task: Task, evaluation: Evaluation) -> tuple[str, ...]:
+def failures(task: Task, evaluation: TriedGains) -> tuple[str, ...]:
     """What goes wrong, the most frequent first, such as `max(norm(force)) < 25 N (6 worlds)`."""
     if evaluation.against:
         return tuple(dict.fromkeys(evaluation.against))
@@ -150,7 +150,9 @@ def _of_world(task: Task, row: Row) -> Iterator[str]:
         yield str(row["findings"])
 
 
-def obstacles(searcher: Searcher, best: Found, found: Sequence[Interval]) -> tuple[Obstacle, ...]:
+def obstacles(
+    searcher: Searcher, best: Found, found: Sequence[VariedNumber]
+) -> tuple[Obstacle, ...]:
     """Each interval with how far it may vary, in the order of the file."""
     shrinking = Shrinking(searcher, best)
     return tuple(shrinking.obstacle(each) for each in found)

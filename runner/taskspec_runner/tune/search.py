@@ -13,16 +13,16 @@ from dataclasses import replace
 
 from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
-from taskspec_runner.tune.evaluation import Evaluation, Question, Trials, evaluate, score
+from taskspec_runner.tune.evaluation import Question, Trials, TriedGains, evaluate, score
 from taskspec_runner.tune.gains import Knob, Setting, overrides
 from taskspec_runner.tune.intervals import Ends
 
 #: Factors by which knobs are moved, from the first to the last.
-_FACTORS = (2.0, 1.4, 1.2, 1.1)
+_FACTORS = (2.0, 1.4, 1.2)
 
 
 @dataclass(frozen=True, slots=True)
-class Glimpse:
+class SearchGlimpse:
     """A search as it goes on.
 
     Attributes:
@@ -35,10 +35,10 @@ class Glimpse:
     what: str
     tried: int
     most: int
-    best: Evaluation | None
+    best: TriedGains | None
 
 
-Watch = Callable[[Glimpse], None]
+Watch = Callable[[SearchGlimpse], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Found:
     """A setting and what became of it."""
 
     setting: Setting
-    evaluation: Evaluation
+    evaluation: TriedGains
 
 
 class Searcher:
@@ -78,6 +78,7 @@ class Searcher:
         self._executor, self._watch = executor, watch
         self.tried = 0
         self._most, self._what = 0, ""
+        self._moving = [*range(len(knobs))]
 
     def overrides(self, setting: Setting) -> dict[str, str]:
         """All overrides of the file with a setting."""
@@ -96,7 +97,7 @@ class Searcher:
         self,
         settings: Sequence[Setting],
         ends: Mapping[str, Ends],
-        than: Evaluation | None = None,
+        than: TriedGains | None = None,
     ) -> list[Found]:
         """Settings with what became of them.
 
@@ -110,7 +111,7 @@ class Searcher:
             task = self.program.context.loaded.task
             order = sorted(than.rows, key=lambda index: (score(task, than.rows[index]), index))
             questions = [replace(q, order=tuple(order), rival=than.key) for q in questions]
-        done: Iterable[Evaluation] = (
+        done: Iterable[TriedGains] = (
             map(evaluate, questions)
             if self._executor is None
             else self._executor.map(evaluate, questions)
@@ -120,7 +121,9 @@ class Searcher:
             found.append(Found(setting, evaluation))
             self.tried += 1
             if self._watch is not None:
-                self._watch(Glimpse(self._what, self.tried, max(self._most, self.tried), than))
+                self._watch(
+                    SearchGlimpse(self._what, self.tried, max(self._most, self.tried), than)
+                )
         return found
 
     def best(
@@ -143,6 +146,7 @@ class Searcher:
         """
         ends = {} if ends is None else ends
         last, self._what = self.tried + most, what
+        self._moving = [*range(len(self.knobs))]
         self._most = last
         best: Found | None = None
         unlike = [each for i, each in enumerate(starts) if each not in starts[:i]]
@@ -161,12 +165,15 @@ class Searcher:
 
     def _around(self, best: Found, factor: float, ends: Mapping[str, Ends]) -> Found | None:
         """A better setting about one; None where all moves by a factor are worse."""
-        moves = [(i, by) for i in range(len(self.knobs)) for by in (factor, 1 / factor)]
+        moves = [(i, by) for i in self._moving for by in (factor, 1 / factor)]
         settings = [self._moved(best.setting, [move]) for move in moves]
         tried = self.evaluated(settings, ends, best.evaluation)
         better = [
             (move, found) for move, found in zip(moves, tried, strict=True) if _beats(found, best)
         ]
+        # What changes nothing either way is left alone: it costs all worlds to find that again.
+        idle = [knob for (knob, _), found in zip(moves, tried, strict=True) if _same(found, best)]
+        self._moving = [i for i in self._moving if idle.count(i) < len((factor, 1 / factor))]
         if not better:
             return None
         first: dict[int, tuple[float, Found]] = {}
@@ -211,3 +218,8 @@ def _beats(one: Found, other: Found) -> bool:
     return one.evaluation.whole >= other.evaluation.whole and one.evaluation.key.better(
         other.evaluation.key
     )
+
+
+def _same(one: Found, other: Found) -> bool:
+    mine, its = one.evaluation, other.evaluation
+    return mine.whole and not (mine.key.better(its.key) or its.key.better(mine.key))

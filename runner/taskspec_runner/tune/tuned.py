@@ -18,7 +18,7 @@ from taskspec_runner.errors import InputError
 from taskspec_runner.sweep.engine import processes
 from taskspec_runner.sweep.statistics import Rate
 from taskspec_runner.sweep.world_run import expectation_keys
-from taskspec_runner.tune.evaluation import Evaluation, Trials, evaluate, margin_in
+from taskspec_runner.tune.evaluation import Trials, TriedGains, evaluate, margin_in
 from taskspec_runner.tune.gains import Knob, Setting, Values, knobs_of, overrides
 from taskspec_runner.tune.intervals import intervals
 from taskspec_runner.tune.obstacles import Obstacle, failures, obstacles
@@ -46,13 +46,13 @@ class Wanted:
     only: tuple[str, ...] = ()
     randoms: int = 8
     fresh: int = 50
-    most: int = 150
+    most: int = 100
     seed: int = 0
     jobs: int = 1
 
 
 @dataclass(frozen=True, slots=True)
-class Moved:
+class MovedGain:
     """A gain that was moved.
 
     Attributes:
@@ -84,9 +84,9 @@ class Tuned:
     """
 
     program: Program
-    before: Evaluation
-    after: Evaluation
-    moved: tuple[Moved, ...]
+    before: TriedGains
+    after: TriedGains
+    moved: tuple[MovedGain, ...]
     overrides: Mapping[str, str]
     verified: tuple[Rate, Rate] | None
     worst_fresh: tuple[str, ...]
@@ -227,7 +227,7 @@ def _tuned(searcher: Searcher, wanted: Wanted, executor: Executor | None) -> Tun
         before.evaluation,
         after.evaluation,
         tuple(
-            Moved(knob, knob.values, values)
+            MovedGain(knob, knob.values, values)
             for knob, values in zip(knobs, best.setting, strict=True)
             if values is not None
         ),
