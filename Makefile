@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
 .PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid referee check
-.PHONY: clean bounds interface
+.PHONY: clean bounds interface tune-worlds
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -84,6 +84,9 @@ boundaries: $(READY)  ## boundaries of force loops over servos: closed form, sam
 
 servo-designs: $(READY)  ## designed gains of 500 random presses over servos, from their boundary; docs/admittance-boundary.md
 	$(BIN)/python campaigns/servo_tasks.py --tasks 500 --page docs/admittance-boundary.md
+
+tune-worlds: $(READY)  ## 20 random tasks tuned, and judged in 50 fresh worlds each; docs/how-to/tune.md
+	$(BIN)/python campaigns/tuned_worlds.py --tasks 20 --fresh 50 --page docs/how-to/tune.md
 
 SEED ?= 1
 FILES ?= 2000
