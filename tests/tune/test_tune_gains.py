@@ -51,9 +51,7 @@ def test_a_setting_in_the_file_gives_the_gains_that_were_meant(law: str) -> None
     knobs = knobs_of(own)
     keys = {each.key for each in knobs if "press" in each.stages}
     assert keys == (LAWS | SERVED)[law]
-    setting = tuple(
-        each.times(None, 1.5) if "press" in each.stages else None for each in knobs
-    )
+    setting = tuple(each.times(None, 1.5) if "press" in each.stages else None for each in knobs)
     given = overrides(own, knobs, setting)
     assert given
     for changed in (
@@ -89,7 +87,9 @@ def test_gains_of_the_file_that_do_not_move_stay_beside_those_that_do() -> None:
 
 
 def test_a_gain_that_varies_and_a_dead_band_are_none_that_move() -> None:
-    text = PRESS.replace("law: hybrid", "law: {kind: impedance, damping: {z: 300 N*s/m*(1 + t/(1 s))}}")
+    text = PRESS.replace(
+        "law: hybrid", "law: {kind: impedance, damping: {z: 300 N*s/m*(1 + t/(1 s))}}"
+    )
     assert "damping" not in {e.key for e in knobs_of(program(text)) if "press" in e.stages}
     served = {"robot.command": "velocity", "law": "{kind: admittance, dead_band: 1 N}"}
     keys = {each.key for each in knobs_of(program(sets=served))}

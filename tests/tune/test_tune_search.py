@@ -1,4 +1,4 @@
-"""Settings tried and searched: what counts as good, and that the search does not depend on workers."""
+"""Settings tried and searched: what counts as good, whoever tries them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ from taskspec_runner.tune.tuned import Wanted, tune
 from tune.tasks import PRESS
 
 SLOW = PRESS.replace("law: hybrid ", "law: {kind: hybrid, force: {integral: 3 /s}} ")
-WILD = PRESS.replace("law: hybrid ", "law: {kind: hybrid, force: {integral: 400 /s, damping: 80 N*s/m}} ")
+WILD = PRESS.replace(
+    "law: hybrid ", "law: {kind: hybrid, force: {integral: 400 /s, damping: 80 N*s/m}} "
+)
 
 
 def question(text: str, trials: Trials = Trials(True, 2, 0)) -> Question:  # noqa: B008
@@ -52,7 +54,9 @@ def test_gains_that_are_slow_miss_in_worlds_that_are_soft() -> None:
 def test_what_cannot_beat_a_rival_is_broken_off() -> None:
     asked = question(SLOW)
     rival = Key(0.0, 0.0, 0.0, 0.9, 0.9)
-    broken = evaluate(Question(asked.text, asked.name, None, {}, {}, asked.trials, (0, 1, 2), rival))
+    broken = evaluate(
+        Question(asked.text, asked.name, None, {}, {}, asked.trials, (0, 1, 2), rival)
+    )
     assert not broken.whole
     assert len(broken.rows) == 1
 
@@ -92,9 +96,12 @@ def test_the_interval_in_the_way_is_named_with_how_far_it_would_do() -> None:
     The tool begins 3 mm above a table that the approach finds within 12 mm: 9 mm lower is too far,
     whatever the gains are, and the file's guard ends the run.
     """
-    text = PRESS.replace("[0, 0, +- 1 mm]", "[0, 0, +- 14 mm]").replace(
-        "xyz: [500 mm, 0, 303 mm]", "xyz: [500 mm, 0, 318 mm]"
-    ).replace("travel: 12 mm", "travel: 22 mm").replace("time: 1 s", "time: 2 s")
+    text = (
+        PRESS.replace("[0, 0, +- 1 mm]", "[0, 0, +- 14 mm]")
+        .replace("xyz: [500 mm, 0, 303 mm]", "xyz: [500 mm, 0, 318 mm]")
+        .replace("travel: 12 mm", "travel: 22 mm")
+        .replace("time: 1 s", "time: 2 s")
+    )
     program = compile_unchecked(load_text(text, "press.yaml"))
     found = tune(program, Wanted(("force.integral",), randoms=0, fresh=4, most=1))
     assert not found.good

@@ -22,6 +22,11 @@ Setting = tuple[Values | None, ...]
 
 #: Digits that a gain is written with.
 _DIGITS = 3
+#: How far a gain is moved, either way: of a motion, which others than the expectations may rely on,
+#: less far than that of a force.
+_MOST, _MOST_OF_MOTION = 16.0, 4.0
+_OF_MOTION = ("bandwidth", "damping_ratio")
+_ROUNDING = 1e-9
 #: Axes of a knob that are named one by one, at most.
 _NAMED = 3
 _GAINS_OF_LAWS = ("mass", "stiffness", "damping", "bandwidth", "damping_ratio", "dead_band")
@@ -54,6 +59,13 @@ class Knob:
     def name(self) -> str:
         """What to call it, such as `press force.integral (z)`."""
         return f"{', '.join(self.stages)} {self.key} ({_axes(self.values)})"
+
+    def reaches(self, values: Values | None, factor: float) -> bool:
+        """Whether a factor leads no farther from the file's values than it should."""
+        on, start = next(iter(self.values.items()))
+        total = self.times(values, factor)[on] / start
+        most = _MOST_OF_MOTION if self.key in _OF_MOTION else _MOST
+        return 1 / most <= total * (1 + _ROUNDING) and total <= most * (1 + _ROUNDING)
 
     def times(self, values: Values | None, factor: float) -> Values:
         """Its values times a factor."""

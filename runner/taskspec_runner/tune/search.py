@@ -165,7 +165,12 @@ class Searcher:
 
     def _around(self, best: Found, factor: float, ends: Mapping[str, Ends]) -> Found | None:
         """A better setting about one; None where all moves by a factor are worse."""
-        moves = [(i, by) for i in self._moving for by in (factor, 1 / factor)]
+        moves = [
+            (i, by)
+            for i in self._moving
+            for by in (factor, 1 / factor)
+            if self.knobs[i].reaches(best.setting[i], by)
+        ]
         settings = [self._moved(best.setting, [move]) for move in moves]
         tried = self.evaluated(settings, ends, best.evaluation)
         better = [
