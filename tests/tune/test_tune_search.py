@@ -126,5 +126,5 @@ def test_a_task_that_expects_nothing_is_an_error() -> None:
 
 def test_a_gain_that_no_law_has_is_an_error() -> None:
     program = compile_unchecked(load_text(PRESS, "press.yaml"))
-    with pytest.raises(InputError, match="has no gain named dumping; it has bandwidth"):
+    with pytest.raises(InputError, match="has a gain named dumping; it has bandwidth"):
         tune(program, Wanted(("dumping",)))

@@ -354,6 +354,25 @@ def judge(
 
 
 @_command
+def identify(
+    *,
+    file: options.TaskFile,
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help="Folders of runs of the task; or logs recorded elsewhere: CSV, Parquet or MCAP.",
+        ),
+    ],
+    chosen: options.IdentifyOptions,
+) -> int:
+    """Identify stiffness, friction, place, payload, sensor and more from logs, with intervals."""
+    from taskspec_runner.cli.identify import identify_task
+
+    return identify_task(file, logs, chosen)
+
+
+@_command
 def export(
     *,
     folder: Annotated[

@@ -330,6 +330,58 @@ class TuneOptions(OverrideOptions):
 
 
 @dataclass(frozen=True)
+class IdentifyOptions(OverrideOptions):
+    """What is identified, and from what."""
+
+    what: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH,...",
+            help="Identify these values alone, such as world.table.stiffness,robot.payload; may "
+            "be repeated.",
+            show_default="all that the logs show",
+        ),
+    ] = None
+    level: Annotated[
+        float,
+        typer.Option(min=50.0, max=99.9, metavar="PERCENT", help="The level of the intervals."),
+    ] = 90.0
+    columns: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MAP",
+            help="The map of a recorded log's columns to signals and units: a file (YAML), or the "
+            "name of a ready map.",
+        ),
+    ] = None
+    form: Annotated[RunFormat, typer.Option("--format", help="The format of the result.")] = (
+        RunFormat.TEXT
+    )
+
+    patch: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OUT.YAML",
+            help="Write the task file with the identified values, and their intervals in 'vary'.",
+        ),
+    ] = None
+    write: Annotated[bool, typer.Option("--write", help="The same, into the task file itself.")] = (
+        False
+    )
+    html: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a page with what was measured and predicted."),
+    ] = None
+
+    @property
+    def paths(self) -> list[str] | None:
+        """The paths that are wanted; None for all."""
+        if self.what is None:
+            return None
+        return [path.strip() for text in self.what for path in text.split(",") if path.strip()]
+
+
+@dataclass(frozen=True)
 class CompareOptions:
     """Which laws are compared, and what that leaves."""
 

@@ -142,7 +142,7 @@ def _of_stage(plan: StagePlan, names: tuple[str, ...]) -> Iterator[Knob]:
             given = {
                 on: float(value)
                 for on, value in law.by_entry.get(gain.name, {}).items()
-                if on not in part and not isinstance(value, Expression)
+                if on in found and on not in part and not isinstance(value, Expression)
             }
             values = {on: gain.value for on, gain in part.items()}
             in_file = any(each.origin == "file" for each in part.values())

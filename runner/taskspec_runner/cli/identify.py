@@ -1,0 +1,143 @@
+"""`taskspec identify`: values of a task's world and arm from logs, with intervals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from taskspec.spec import load_text
+from taskspec.text.diagnostic import SpecError
+from taskspec_runner.cli.console import console, show, table
+from taskspec_runner.cli.formats import RunFormat
+from taskspec_runner.cli.given import STDIN, check_page
+from taskspec_runner.cli.loading import load
+from taskspec_runner.cli.options import IdentifyOptions
+from taskspec_runner.errors import InputError, OutputError
+from taskspec_runner.exit_codes import WELL
+from taskspec_runner.identify.identification import Identification, identify
+from taskspec_runner.identify.patch import patched
+from taskspec_runner.identify.written import file_values, set_lines, shown, unit_of
+from taskspec_runner.record.folder import plain
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def identify_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
+    """Identifies values of a task from logs, and shows them."""
+    target = _target(file, chosen)
+    check_page(chosen.html)
+    loaded = load(file, chosen.sets)
+    with console(err=True).status("identify") as status:
+        found = identify(
+            loaded,
+            logs,
+            chosen.paths,
+            chosen.level / 100,
+            chosen.columns,
+            lambda doing: status.update(f"identify: {doing}"),
+        )
+    if target is not None:
+        _write(found, target)
+    if chosen.html is not None:
+        from taskspec_runner.identify.page import write_page
+
+        write_page(found, chosen.html)
+    if chosen.form is RunFormat.JSON:
+        typer.echo(json.dumps(plain(found.as_data()), indent=2, ensure_ascii=False))
+    else:
+        _show(found)
+    for what, path in (("file", target), ("page", chosen.html)):
+        if path is not None:
+            typer.echo(f"{what}: {path}", err=chosen.form is RunFormat.JSON)
+    return WELL
+
+
+def _target(file: Path, chosen: IdentifyOptions) -> Path | None:
+    """Where the file with the identified values goes, if anywhere.
+
+    Raises:
+        InputError: it cannot be written there.
+    """
+    if chosen.write and chosen.patch is not None:
+        raise InputError("--patch writes another file, and --write the task file itself; give one")
+    if not chosen.write and chosen.patch is None:
+        return None
+    if chosen.sets:
+        raise InputError("a file is patched as it stands; give --patch or --write without --set")
+    if file == STDIN and chosen.write:
+        raise InputError("standard input cannot be written; give --patch OUT.YAML")
+    return file if chosen.write else chosen.patch
+
+
+def _write(found: Identification, target: Path) -> None:
+    """Writes the file with the identified values.
+
+    Raises:
+        InputError: it would not say what was identified.
+        OutputError: it cannot be written.
+    """
+    text = patched(found.loaded.source.text, file_values(found))
+    try:
+        load_text(text, str(target), base=found.loaded.base)
+    except SpecError as error:
+        first = error.diagnostics[0]
+        raise InputError(
+            f"the file cannot take the identified values ({first.code}: {first.message}); give "
+            "them by --set"
+        ) from error
+    try:
+        target.write_text(text, encoding="utf-8", newline="")
+    except OSError as error:
+        raise OutputError(target, str(error.strerror or error)) from error
+
+
+def _show(found: Identification) -> None:
+    from rich.text import Text
+
+    show(_table(found))
+    for line in _untold(found):
+        show(Text(line, "yellow"))
+    typer.echo(_left(found))
+    if found.estimates:
+        show("", Text("in the file, or on the command line", "bold"))
+        for line in set_lines(found):
+            typer.echo(line)
+
+
+def _table(found: Identification) -> Table:
+    from rich.text import Text
+
+    made = table("value", "identified", f"{100 * found.level:g} % interval", "in the file", "",
+                 indent=0, right=("identified",))  # fmt: skip
+    for each in found.estimates:
+        unit = unit_of(each)
+        low, high = (shown(x, unit, each.deviation) for x in (each.low, each.high))
+        cells = (each.name, shown(each.value, unit, each.deviation),
+                 f"{low} .. {high}", shown(each.declared, unit, 0.0))  # fmt: skip
+        mark = Text("inside") if each.declared_inside else Text("outside", "yellow")
+        made.add_row(*map(Text, cells), mark)
+    return made
+
+
+def _untold(found: Identification) -> Iterator[str]:
+    """What the logs do not tell, a line each."""
+    for group in found.confounded:
+        yield f"not told apart: {', '.join(group.names)}"
+        for each in group.known:
+            yield f"  known is {each.text} = {each.value:.6g} ({each.low:.6g} .. {each.high:.6g}), SI"
+    if found.unseen:
+        yield f"the logs show nothing of: {', '.join(found.unseen)}"
+
+
+def _left(found: Identification) -> str:
+    parts = [
+        f"{each.channel} {each.rms:.3g} of {each.size:.3g} {each.unit}"
+        for each in found.residuals
+        if each.size > 0
+    ]
+    return f"left unexplained, rms: {', '.join(parts)}"
