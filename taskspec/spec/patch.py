@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from taskspec.spec.alias import SAME
 from taskspec.spec.overrides import NAMED_BY_FILES, SHORT_FORMS, WITH_ALIASES, steps_of
@@ -49,6 +49,28 @@ def patched(text: str, changes: Mapping[str, str]) -> str:
     for path, value in changes.items():
         found = _Patch(found, path, value).text()
     return mark + (found if ends == "\n" else found.replace("\n", ends))
+
+
+def without(text: str, keys: Collection[str]) -> str:
+    """A task's text without some of its sections, each with what stands above the next one.
+
+    Args:
+        text: of a task file that reads.
+        keys: of sections.
+
+    Raises:
+        PatchError: the text does not read.
+    """
+    found = normal(text)
+    root = read(Source("", found), Diagnostics(""))
+    if not isinstance(root, MappingNode) or root.flow:
+        raise PatchError("the text does not read as a task with a line for each section")
+    source = Source("", found)
+    starts = [(source.offset(k.span.line, 1), k.value) for k, _ in root.entries.values()]
+    ends = [start for start, _ in starts[1:]] + [len(found)]
+    parts = [found[: starts[0][0]]]
+    parts += [found[a:b] for (a, key), b in zip(starts, ends, strict=True) if key not in keys]
+    return "".join(parts)
 
 
 class _Patch:

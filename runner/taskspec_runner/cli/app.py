@@ -358,15 +358,23 @@ def identify(
     *,
     file: options.TaskFile,
     logs: Annotated[
-        list[Path],
+        list[Path] | None,
         typer.Argument(
             metavar="LOG...",
-            help="Folders of runs of the task; or logs recorded elsewhere: CSV, Parquet or MCAP.",
+            help="Folders of runs of the task; or logs recorded elsewhere: CSV, Parquet or MCAP. "
+            "With --design there may be none.",
+            show_default=False,
         ),
-    ],
+    ] = None,
     chosen: options.IdentifyOptions,
 ) -> int:
     """Identify stiffness, friction, place, payload, sensor and more from logs, with intervals."""
+    if chosen.design is not None:
+        from taskspec_runner.cli.identify_design import design_task
+
+        return design_task(file, logs or [], chosen)
+    if not logs:
+        raise typer.BadParameter("name a log; or --design a task that makes one")
     from taskspec_runner.cli.identify import identify_task
 
     return identify_task(file, logs, chosen)

@@ -373,6 +373,24 @@ class IdentifyOptions(OverrideOptions):
         typer.Option(metavar="FILE", help="Write a page with what was measured and predicted."),
     ] = None
 
+    design: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH",
+            help="Write a task to this file that would tell what the logs do not: presses, slides "
+            "and turns within the file's limits.",
+        ),
+    ] = None
+    width: Annotated[
+        float,
+        typer.Option(
+            min=0.01,
+            max=100.0,
+            metavar="PERCENT",
+            help="With --design: half of an interval at most, of the value.",
+        ),
+    ] = 5.0
+
     @property
     def paths(self) -> list[str] | None:
         """The paths that are wanted; None for all."""
