@@ -8,7 +8,7 @@ import pytest
 
 from taskspec.spec import load_text
 from taskspec.spec.overrides import Overrides
-from taskspec.spec.patch import PatchError, patched
+from taskspec.spec.patch import PatchError, patched, without
 from taskspec.spec.task import Task
 from taskspec.text import nodes
 from taskspec.text.data import TruthValue, to_data
@@ -222,3 +222,11 @@ def test_what_an_included_file_brings_is_an_error() -> None:
     text = (ROOT / "tests/corpus/ok/reuse.yaml").read_text(encoding="utf-8")
     with pytest.raises(PatchError, match="no 'world'"):
         patched(text, {"world.table.stiffness": "9 kN/m"})
+
+
+def test_sections_are_left_out_with_what_stands_below_them() -> None:
+    new = without(TEXT, ["stages", "law"])
+    assert list(tree(new)) == ["taskspec", "robot", "world", "expect"]  # type: ignore[call-overload]
+    assert new.startswith("# what the cell is\n")
+    assert "# a guess" in new
+    assert "# then up" not in new
