@@ -15,15 +15,21 @@ class Clock:
     Attributes:
         t: [s] since the stage began.
         clock: [s] since the run began.
+        live: (k,) params that may be set while the stage runs; None where a task has none.
+        live_rate: (k,) their derivatives by time, which do not change while they go on.
     """
 
     t: ca.SX
     clock: ca.SX
+    live: ca.SX | None = None
+    live_rate: ca.SX | None = None
 
     def rate(self, expression: ca.SX) -> ca.SX:
-        """Partial derivative by time, everything but t and clock held."""
-        now = ca.vertcat(self.t, self.clock)
-        return ca.jtimes(expression, now, ca.SX.ones(2))
+        """Partial derivative by time, everything but t, clock and live params held."""
+        now, rates = ca.vertcat(self.t, self.clock), ca.SX.ones(2)
+        if self.live is not None:
+            now, rates = ca.vertcat(now, self.live), ca.vertcat(rates, self.live_rate)
+        return ca.jtimes(expression, now, rates)
 
     def total_rate(self, expression: ca.SX, terms: TermSymbols) -> ca.SX:
         """Derivative by time along the tool's actual motion, of an expression of time and pose."""

@@ -6,7 +6,7 @@ import errno
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -22,7 +22,7 @@ from taskspec.spec.levels import level_of
 from taskspec.spec.mesh_file import find_meshes
 from taskspec.spec.model import REPORTED, mapping
 from taskspec.spec.names import collect_names, unused, warn_unused
-from taskspec.spec.params import evaluate_params
+from taskspec.spec.params import evaluate_params, with_values
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.robot import Robot
 from taskspec.spec.robot_file import RobotFiles
@@ -93,6 +93,14 @@ class LoadedTask:
             path: such as `FILE.stages["wipe"].axes["z"]`; `key_of` it is the key itself.
         """
         return nodes.place(self.root, steps_of(path), key=is_key(path))
+
+    def where(self, live: Mapping[str, float]) -> LoadedTask:
+        """The task as if it declared other values of live params, by name [SI]."""
+        nominal, true = (
+            task.model_copy(update={"params": with_values(task.params, live)})
+            for task in (self.task, self.true_task)
+        )
+        return replace(self, task=nominal, true_task=true)
 
     def has(self, path: KeyPath) -> bool:
         """Whether the file has a path as it is, without a short form that stands for it."""

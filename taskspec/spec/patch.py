@@ -84,7 +84,7 @@ class _Patch:
         if not isinstance(root, MappingNode):
             raise PatchError("the text does not read as a task")
         self._root = root
-        self._steps = steps_of(root, path, _KEYS)
+        self._steps = steps_of(root, path, self._new, _KEYS)
 
     def text(self) -> str:
         """The text with it."""

@@ -23,7 +23,7 @@ from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import Mechanism
 from taskspec.spec.model import Model, mapping
 from taskspec.spec.objects import ByKind, Object, bushings, equations, mechanisms, shapes
-from taskspec.spec.params import Params
+from taskspec.spec.params import LiveParam, Params, live_params
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.robot import Robot
 from taskspec.spec.stage import Stage
@@ -165,6 +165,11 @@ class Task(Model):
             return self.limits
         own = {key: getattr(given, key) for key in given.model_fields_set}
         return self.limits.model_copy(update={k: v for k, v in own.items() if v is not None})
+
+    @property
+    def live(self) -> dict[str, LiveParam]:
+        """The params that may be set while a stage runs, in the order of the log."""
+        return live_params(self.params)
 
     @property
     def varying_gains(self) -> tuple[tuple[str, str], ...]:

@@ -129,6 +129,20 @@ class RecordOptions:
 
 
 @dataclass(frozen=True)
+class LiveOptions:
+    """What is set while a run goes on."""
+
+    moves: Annotated[
+        list[str],
+        typer.Option(
+            "--live",
+            metavar="'NAME = VALUE @ TIME'",
+            help="Set a live param at a run time, such as 'press = 8 N @ 1 s'; may be repeated.",
+        ),
+    ] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
 class WatchOptions:
     """The page that shows what goes on."""
 
@@ -513,6 +527,38 @@ class CutOptions:
             metavar="AZIMUTH,ELEVATION,DISTANCE",
             help="Look at the arm from here, in degrees and metres, such as 120,-20,1.2.",
             show_default="found for each run",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class DatasetOptions:
+    """What a dataset of runs holds."""
+
+    lerobot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Write runs as a LeRobot dataset, an episode each, those of a sweep among them: a "
+            "folder that is new or empty.",
+        ),
+    ] = None
+    fps: Annotated[
+        int | None,
+        typer.Option(min=1, help="The frames of a second of it.", show_default="30"),
+    ] = None
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            metavar="auto|AZIMUTH,ELEVATION,DISTANCE",
+            help="Film the runs for it: from where all of the first run is visible, or from here, "
+            "in degrees and metres.",
+        ),
+    ] = None
+    size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WxH", help="The size of its pictures, in pixels.", show_default="320x240"
         ),
     ] = None
 

@@ -230,6 +230,8 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
         yield Column("limits", "", "limits")
         yield Column("residual", "", "residual")
     yield from _of_gains(task, axes)
+    for i, (name, param) in enumerate(task.live.items()):
+        yield Column(param_column(name), si_unit(param.dimension), "param", i)
     yield from _of_joints(robot.n, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
@@ -254,6 +256,11 @@ def _of_equations(task: Task) -> Iterator[Column]:
             residual = signals["residual"]
             unit = si_unit(residual.dimensions[equation.kind])
             yield Column(f"{owner}.residual", unit, residual.output, i)
+
+
+def param_column(name: str) -> str:
+    """The column of a param that may be set while a stage runs."""
+    return f"param.{name}"
 
 
 def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:

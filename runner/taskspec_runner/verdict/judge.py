@@ -126,6 +126,9 @@ class _Examiner:
         sides = self._sides(inner)
         if not sides or any(self._lookup.measures(part) for part, _ in sides[1:]):
             return None
+        if any(series.window is not None for _, series in sides[1:]):
+            # A bound that was set meanwhile is no line.
+            return None
         signal, bounds = sides[0][0], [series.number for _, series in sides[1:]]
         reducer = signal.reducer if isinstance(signal, tree.Reduce) else ""
         signal = signal.arg if isinstance(signal, tree.Reduce) else signal

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from taskspec.expression import Meaning, Scope, ScopeKind, resolve, tree
 from taskspec.expression.scope import CONSTANTS
-from taskspec.expression.series import Series
+from taskspec.expression.series import Series, SeriesAlgebra
 from taskspec.spec import Task
+from taskspec.spec.params import slots_of, worths
 from taskspec_runner.record.file_array import full
 from taskspec_runner.record.history import History, NotRecordedError
+from taskspec_runner.record.layout import param_column
 
 Vector = NDArray[np.float64]
 
@@ -48,6 +50,7 @@ class Lookup:
         self._params = task.params
         self._history, self._elsewhere = history, elsewhere
         self._scope = scope_of(task)
+        self._worths: dict[str, Series] = {}
 
     def meaning(self, name: tree.Name) -> Meaning:
         """The meaning of a checked name."""
@@ -59,7 +62,7 @@ class Lookup:
         """The value of a name; a signal without one is NaN and says why."""
         meaning = self.meaning(name)
         if meaning.kind == "param":
-            return Series.one(self._params[meaning.name].value)
+            return self._param(meaning.name)
         if meaning.kind == "constant":
             return Series.one(CONSTANTS[meaning.name][0])
         if meaning.kind == "visits":
@@ -76,6 +79,21 @@ class Lookup:
         missing = window & np.isnan(values)
         gaps = (self._missing(name, meaning, missing),) if missing.any() else ()
         return Series(values, window, gaps)
+
+    def _param(self, name: str) -> Series:
+        """The value of a param; of one that may be set, or follows from such, at every tick."""
+        if not self._params[name].live:
+            return Series.one(self._params[name].value)
+        if not self._worths:
+            self._worths = worths(self._params, SeriesAlgebra(), self._slot)
+        return self._worths[name]
+
+    def _slot(self, name: str) -> Series:
+        """The value at every tick of a param that may be set; declared where none is recorded."""
+        values = self._history.columns.get(param_column(name))
+        if values is None:
+            return Series.one(self._params[name].value)
+        return Series(values, self._history.window(None))
 
     def within(self, root: tree.Node) -> Callable[[tree.Name], Series]:
         """This lookup for one expression, in which a norm leaves out what has no value.
@@ -120,12 +138,18 @@ class Lookup:
         match condition:
             case tree.WithinNode():
                 return condition.x, condition.low, condition.high
-            case tree.Compare() if self.measures(condition.left):
+            case tree.Compare(left=left, right=right) if self.measures(left) or (
+                self._is_live(left) and not self.measures(right)
+            ):
                 return condition.left, condition.right
             case tree.Compare():
                 return condition.right, condition.left
             case _:
                 return ()
+
+    def _is_live(self, root: tree.Node) -> bool:
+        """Whether an expression follows from a param that may be set."""
+        return bool(slots_of(self._params, root))
 
     def unrecorded(self, root: tree.Node) -> tuple[str, ...]:
         """Columns that an expression needs and that were not recorded, in its order."""
