@@ -16,7 +16,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -31,8 +31,12 @@ from taskspec_runner.identify import Estimate, identify
 from taskspec_runner.identify.poses import rpy_of
 from taskspec_runner.trial.trial import trial
 
+ROOT = Path(__file__).resolve().parents[1]
 #: Level of the intervals.
 LEVEL = 0.9
+DELAY = "robot.sensor.delay"
+#: Between these a page has the table.
+BEGIN, END = "<!-- begin: identify -->", "<!-- end: identify -->"
 
 Draw = Callable[[np.random.Generator], str]
 
@@ -70,6 +74,7 @@ class Hidden:
     faults: str = ""
 
 
+_LIGHT = _list(*(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3)
 _SENSOR = "noise: {force: 0.15 N, torque: 8 mN*m}"
 
 DEVELOP = (
@@ -78,7 +83,8 @@ DEVELOP = (
         f"""
 robot: {{model: ur5e, tool: {{shape: sphere, radius: 12 mm, length: 120 mm, mass: 400 g}},
   start: {{xyz: [450 mm, 100 mm, 320 mm]}}, sensor: {{{_SENSOR}}}}}
-world: {{bench: {{shape: plane, xyz: [0, 0, 300 mm], stiffness: 15 kN/m, damping: 40 N*s/m, friction: 0.2}}}}
+world: {{bench: {{shape: plane, xyz: [0, 0, 300 mm],
+  stiffness: 15 kN/m, damping: 40 N*s/m, friction: 0.2}}}}
 frames: {{task: {{surface: bench}}}}
 frame: task
 stages:
@@ -96,7 +102,9 @@ stages:
             "world.bench.friction": _uniform(0.1, 0.5),
             "world.bench.xyz": _list("0", "0", _uniform(298, 302, "mm")),
             "world.bench.rpy": _list(_uniform(-2, 2, "deg"), _uniform(-2, 2, "deg"), "0"),
-            "robot.sensor.bias": _list(*(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3),
+            "robot.sensor.bias": _list(
+                *(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3
+            ),
             "robot.sensor.delay": _uniform(0, 6, "ms"),
             "robot.sensor.filter": _log(40, 200, "Hz"),
         },
@@ -106,12 +114,16 @@ stages:
         f"""
 robot: {{model: panda, tool: {{shape: sphere, radius: 8 mm, length: 100 mm, mass: 300 g}},
   start: {{xyz: [500 mm, 20 mm, 345 mm]}}, sensor: {{at: wrist, {_SENSOR}}}}}
-world: {{pipe: {{shape: cylinder, xyz: [500 mm, 0, 290 mm], rpy: [0, 90 deg, 0], radius: 40 mm, length: 500 mm, stiffness: 20 kN/m, friction: 0.3}}}}
+world: {{pipe: {{shape: cylinder, xyz: [500 mm, 0, 290 mm], rpy: [0, 90 deg, 0],
+  radius: 40 mm, length: 500 mm,
+  stiffness: 20 kN/m, friction: 0.3}}}}
 frames: {{task: {{surface: pipe}}}}
 frame: task
 stages:
-  lean: {{frame: world, axes: {{rx: {{move: 15 deg, speed: 20 deg/s}}, ry: {{move: 10 deg, speed: 20 deg/s}}}}}}
-  back: {{frame: world, axes: {{rx: {{move: -15 deg, speed: 20 deg/s}}, ry: {{move: -10 deg, speed: 20 deg/s}}}}}}
+  lean: {{frame: world,
+    axes: {{rx: {{move: 15 deg, speed: 20 deg/s}}, ry: {{move: 10 deg, speed: 20 deg/s}}}}}}
+  back: {{frame: world,
+    axes: {{rx: {{move: -15 deg, speed: 20 deg/s}}, ry: {{move: -10 deg, speed: 20 deg/s}}}}}}
   approach: {{axes: {{z: {{velocity: -20 mm/s}}}}, until: force.z < -3 N for 10 ms, within: 4 s}}
   press:
     axes:
@@ -127,7 +139,9 @@ stages:
             "world.pipe.xyz": _list("500 mm", _uniform(-1, 1, "mm"), _uniform(288, 292, "mm")),
             "robot.payload.mass": _uniform(50, 400, "g"),
             "robot.payload.xyz": _list(*(_uniform(-20, 20, "mm"),) * 2, _uniform(-60, 0, "mm")),
-            "robot.sensor.bias": _list(*(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3),
+            "robot.sensor.bias": _list(
+                *(_uniform(-1, 1, "N"),) * 3, *(_uniform(-50, 50, "mN*m"),) * 3
+            ),
             "robot.sensor.delay": _uniform(0, 4, "ms"),
         },
         "[{torque: noise 0.05 N*m}]",
@@ -166,8 +180,10 @@ JUDGE = (
         "rub-a-slope",
         """
 robot: {model: panda, tool: {shape: sphere, radius: 10 mm, length: 110 mm, mass: 350 g},
-  start: {xyz: [480 mm, -60 mm, 330 mm]}, sensor: {noise: {force: 0.2 N, torque: 12 mN*m}, delay: 1 ms}}
-world: {slope: {shape: plane, xyz: [480 mm, -60 mm, 300 mm], rpy: [0, 12 deg, 0], stiffness: 18 kN/m, friction: 0.25}}
+  start: {xyz: [480 mm, -60 mm, 330 mm]},
+  sensor: {noise: {force: 0.2 N, torque: 12 mN*m}, delay: 1 ms}}
+world: {slope: {shape: plane, xyz: [480 mm, -60 mm, 300 mm], rpy: [0, 12 deg, 0],
+  stiffness: 18 kN/m, friction: 0.25}}
 frames: {task: {surface: slope}}
 frame: task
 stages:
@@ -193,8 +209,10 @@ stages:
         "press-a-dome",
         """
 robot: {model: ur5e, tool: {shape: sphere, radius: 15 mm, length: 130 mm, mass: 500 g},
-  start: {xyz: [420 mm, 130 mm, 360 mm]}, sensor: {noise: {force: 0.1 N, torque: 6 mN*m}, filter: 80 Hz}}
-world: {dome: {shape: sphere, xyz: [420 mm, 130 mm, 240 mm], radius: 90 mm, stiffness: 12 kN/m, damping: 40 N*s/m, friction: 0.3}}
+  start: {xyz: [420 mm, 130 mm, 360 mm]},
+  sensor: {noise: {force: 0.1 N, torque: 6 mN*m}, filter: 80 Hz}}
+world: {dome: {shape: sphere, xyz: [420 mm, 130 mm, 240 mm], radius: 90 mm,
+  stiffness: 12 kN/m, damping: 40 N*s/m, friction: 0.3}}
 frames: {task: {surface: dome}}
 frame: task
 stages:
@@ -210,8 +228,9 @@ stages:
             "world.dome.stiffness": _log(6, 30, "kN/m"),
             "world.dome.damping": _uniform(15, 90, "N*s/m"),
             "world.dome.friction": _uniform(0.1, 0.5),
-            "world.dome.xyz": _list(_uniform(418, 422, "mm"), _uniform(128, 132, "mm"),
-                                    _uniform(238, 242, "mm")),
+            "world.dome.xyz": _list(
+                _uniform(418, 422, "mm"), _uniform(128, 132, "mm"), _uniform(238, 242, "mm")
+            ),
             "robot.sensor.bias": _WRENCH,
             "robot.sensor.filter": _log(40, 200, "Hz"),
         },
@@ -220,12 +239,17 @@ stages:
         "weigh-and-press",
         """
 robot: {model: ur5e, tool: {shape: sphere, radius: 10 mm, length: 100 mm, mass: 250 g},
-  start: {xyz: [460 mm, 0, 345 mm]}, sensor: {at: wrist, noise: {force: 0.2 N, torque: 10 mN*m}}}
-world: {block: {shape: box, xyz: [460 mm, 0, 280 mm], size: [200 mm, 200 mm, 60 mm], stiffness: 25 kN/m, friction: 0.2}}
+  start: {xyz: [460 mm, 0, 345 mm]},
+  sensor: {at: wrist, noise: {force: 0.2 N, torque: 10 mN*m}}}
+world: {block: {shape: box, xyz: [460 mm, 0, 280 mm], size: [200 mm, 200 mm, 60 mm],
+  stiffness: 25 kN/m, friction: 0.2}}
 stages:
-  left: {frame: world, axes: {rx: {move: 25 deg, speed: 40 deg/s}, ry: {move: 15 deg, speed: 30 deg/s}}}
-  right: {frame: world, axes: {rx: {move: -25 deg, speed: 40 deg/s}, ry: {move: -15 deg, speed: 30 deg/s}}}
-  down: {frame: world, axes: {z: {velocity: -15 mm/s}}, until: force.z < -4 N for 10 ms, within: 5 s}
+  left: {frame: world,
+    axes: {rx: {move: 25 deg, speed: 40 deg/s}, ry: {move: 15 deg, speed: 30 deg/s}}}
+  right: {frame: world,
+    axes: {rx: {move: -25 deg, speed: 40 deg/s}, ry: {move: -15 deg, speed: 30 deg/s}}}
+  down: {frame: world, axes: {z: {velocity: -15 mm/s}}, until: force.z < -4 N for 10 ms,
+    within: 5 s}
   push:
     frame: world
     axes:
@@ -275,7 +299,8 @@ stages:
     Hidden(
         "admit",
         """
-robot: {model: ur5e, command: velocity, tool: {shape: sphere, radius: 15 mm, length: 120 mm, mass: 300 g},
+robot: {model: ur5e, command: velocity,
+  tool: {shape: sphere, radius: 15 mm, length: 120 mm, mass: 300 g},
   start: {xyz: [450 mm, 100 mm, 325 mm]}, sensor: {noise: {force: 0.3 N, torque: 15 mN*m}}}
 world: {table: {shape: plane, xyz: [0, 0, 300 mm], stiffness: 20 kN/m, friction: 0.2}}
 frame: world
@@ -311,7 +336,6 @@ class Row:
         task, world: of it.
         name: of the value; path: without the component.
         true, value, low, high: [SI].
-        scale: unused 1, kept for the reader of the table.
         seconds: of the processor, of the whole identification.
         span: of the log [s].
     """
@@ -378,10 +402,19 @@ def true_value(program: Program, estimate: Estimate) -> float:
     return value
 
 
+def counted(row: Row) -> bool:
+    """Whether a value has an interval with ends that follows from noise.
+
+    A delay is counted in ticks; and what torques without noise say has only rounding in it.
+    """
+    exact = row.high - row.low <= 1e-7 * max(abs(row.true), 1e-3)
+    return row.name != DELAY and math.isfinite(row.high) and math.isfinite(row.true) and not exact
+
+
 def table(rows: Sequence[Row]) -> Iterator[Sequence[str]]:
     """One line for each value: how often its interval holds, and how far it is off on average."""
     yield "task", "value", "worlds", "interval holds", "mean error / half width", "half width"
-    keys = dict.fromkeys((row.task, row.name) for row in rows)
+    keys = sorted({(row.task, row.name) for row in rows if counted(row)})
     for task, name in keys:
         own = [r for r in rows if r.task == task and r.name == name]
         held = np.mean([r.low <= r.true <= r.high for r in own])
@@ -389,7 +422,14 @@ def table(rows: Sequence[Row]) -> Iterator[Sequence[str]]:
         error = np.array([r.value - r.true for r in own])
         with np.errstate(all="ignore"):
             bias = np.mean(error / half)
-        yield task, name, str(len(own)), f"{100 * held:.1f} %", f"{bias:+.3f}", f"{np.median(half):.3g}"
+        yield (
+            task,
+            name,
+            str(len(own)),
+            f"{100 * held:.1f} %",
+            f"{bias:+.3f}",
+            f"{np.median(half):.3g}",
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -401,26 +441,54 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--rows", type=Path)
+    parser.add_argument("--page", type=Path)
     given = parser.parse_args(arguments)
     tasks = [t for t in TASKS[given.tasks] if given.only in (None, t.name)]
-    rows: list[Row] = []
-    with ProcessPoolExecutor(given.jobs) as pool:
+    kept = given.rows or ROOT / "runs" / "identify" / f"{given.tasks}-{given.seed}.jsonl"
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    rows = (
+        [Row(**json.loads(line)) for line in kept.read_text().splitlines()] if kept.exists() else []
+    )
+    there = {row.world for row in rows}
+    with ProcessPoolExecutor(given.jobs) as pool, kept.open("a") as file:
         waiting = {
-            (world): pool.submit(
+            pool.submit(
                 rows_of, given.tasks, tasks[world % len(tasks)].name, given.seed, world
-            )
+            ): world
             for world in range(given.worlds)
+            if world not in there
         }
-        for world, future in waiting.items():
-            try:
-                rows += future.result()
-            except Exception as error:
-                print(f"world {world}: {error!r}", file=sys.stderr)
-    if given.rows:
-        given.rows.write_text(json.dumps([asdict(row) for row in rows]))
-    for line in table(rows):
-        print("| " + " | ".join(line) + " |")
-    print("most seconds for 10 s:", max(10 * r.seconds / r.span for r in rows))
+        for future in as_completed(waiting):
+            found = future.result()
+            rows += found
+            file.write("".join(json.dumps(asdict(row)) + "\n" for row in found))
+            file.flush()
+            sys.stderr.write(f"\r{len({row.world for row in rows})} of {given.worlds} worlds")
+    text = page_table([row for row in rows if row.world < given.worlds], given.seed)
+    sys.stdout.write(f"\n{text}\n")
+    if given.page is not None:
+        whole = given.page.read_text(encoding="utf-8")
+        before, _, rest = whole.partition(BEGIN)
+        _, _, after = rest.partition(END)
+        given.page.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
+
+
+def page_table(rows: Sequence[Row], seed: int) -> str:
+    """What a page has of it."""
+    lines = [*table(rows)]
+    made = [" | ".join(line) for line in (lines[0], ["---"] * len(lines[0]), *lines[1:])]
+    worlds = len({row.world for row in rows})
+    spans: dict[int, tuple[float, float]] = {row.world: (row.seconds, row.span) for row in rows}
+    rates = sorted(10 * seconds / span for seconds, span in spans.values())
+    delays = [row for row in rows if row.name == DELAY]
+    right = sum(row.low < row.true <= row.high for row in delays)
+    held = [row.low <= row.true <= row.high for row in rows if counted(row)]
+    return (
+        f"Seed {seed}, {worlds} worlds. Of all {len(held)} intervals {100 * np.mean(held):.1f} % "
+        f"hold. The delay in ticks is right in {right} of {len(delays)}. Processor time for a log "
+        f"of 10 s: {rates[len(rates) // 2]:.1f} s in the median, {rates[-1]:.1f} s at most.\n\n"
+        + "\n".join(f"| {line} |" for line in made)
+    )
 
 
 if __name__ == "__main__":

@@ -77,9 +77,7 @@ def _one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def steps_of(
-    root: MappingNode, path: str, value: Node | None, keys: tuple[str, ...]
-) -> list[str]:
+def steps_of(root: MappingNode, path: str, value: Node | None, keys: tuple[str, ...]) -> list[str]:
     """The keys that lead to what an override names.
 
     Args:

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 import typer
 
 from taskspec.spec import load_text
+from taskspec.spec.patch import PatchError, patched
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.console import console, show, table
 from taskspec_runner.cli.formats import RunFormat
-from taskspec_runner.cli.given import STDIN, check_page
+from taskspec_runner.cli.given import STDIN
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.options import IdentifyOptions
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.exit_codes import WELL
 from taskspec_runner.identify.identification import Identification, identify
-from taskspec_runner.identify.patch import patched
 from taskspec_runner.identify.written import file_values, set_lines, shown, unit_of
 from taskspec_runner.record.folder import plain
 
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 def identify_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
     """Identifies values of a task from logs, and shows them."""
     target = _target(file, chosen)
-    check_page(chosen.html)
     loaded = load(file, chosen.sets)
     with console(err=True).status("identify") as status:
         found = identify(
@@ -43,17 +42,12 @@ def identify_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
         )
     if target is not None:
         _write(found, target)
-    if chosen.html is not None:
-        from taskspec_runner.identify.page import write_page
-
-        write_page(found, chosen.html)
     if chosen.form is RunFormat.JSON:
         typer.echo(json.dumps(plain(found.as_data()), indent=2, ensure_ascii=False))
     else:
         _show(found)
-    for what, path in (("file", target), ("page", chosen.html)):
-        if path is not None:
-            typer.echo(f"{what}: {path}", err=chosen.form is RunFormat.JSON)
+    if target is not None:
+        typer.echo(f"file: {target}", err=chosen.form is RunFormat.JSON)
     return WELL
 
 
@@ -81,7 +75,10 @@ def _write(found: Identification, target: Path) -> None:
         InputError: it would not say what was identified.
         OutputError: it cannot be written.
     """
-    text = patched(found.loaded.source.text, file_values(found))
+    try:
+        text = patched(found.loaded.source.text, file_values(found))
+    except PatchError as error:
+        raise InputError(f"{error}; give the identified values by --set") from error
     try:
         load_text(text, str(target), base=found.loaded.base)
     except SpecError as error:
@@ -129,7 +126,8 @@ def _untold(found: Identification) -> Iterator[str]:
     for group in found.confounded:
         yield f"not told apart: {', '.join(group.names)}"
         for each in group.known:
-            yield f"  known is {each.text} = {each.value:.6g} ({each.low:.6g} .. {each.high:.6g}), SI"
+            ends = f"{each.low:.6g} .. {each.high:.6g}"
+            yield f"  known is {each.text} = {each.value:.6g} ({ends}), in SI"
     if found.unseen:
         yield f"the logs show nothing of: {', '.join(found.unseen)}"
 

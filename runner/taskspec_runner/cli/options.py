@@ -382,11 +382,6 @@ class IdentifyOptions(OverrideOptions):
     write: Annotated[bool, typer.Option("--write", help="The same, into the task file itself.")] = (
         False
     )
-    html: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write a page with what was measured and predicted."),
-    ] = None
-
     design: Annotated[
         Path | None,
         typer.Option(

@@ -58,7 +58,7 @@ class BallContact:
         """(n,) distances of world places (n, 3) from a shape [m], (n, 3) its normals there."""
         R = from_rpy(shape.rpy)
         d, n = self.height((center - np.array(shape.xyz)) @ R)
-        return d[:, 0], n @ R.T
+        return d[:, 0], np.asarray(n @ R.T)
 
     def wrench(
         self,
@@ -122,7 +122,7 @@ class Setting:
         along_v, along_a = (v * n).sum(axis=1), (a * n).sum(axis=1)
         normal = k * depth - b * along_v - m * along_a
         if shape.friction == 0:
-            return np.maximum(normal, 0.0)[:, None] * n
+            return np.asarray(np.maximum(normal, 0.0)[:, None] * n)
         mu = max(shape.friction, LEAST_FRICTION)
         rate = settling_rate(max(b, 0.0), self.mobility, self.period)
         across = (
@@ -139,10 +139,9 @@ class Setting:
         scale = np.where(slides, mu * sliding / np.maximum(size, 1e-300), 1.0)
         force = f_n[:, None] * n + scale[:, None] * across
         force[apart] = 0.0
-        return force
+        return np.asarray(force)
 
 
 def _at(twist: Vector, lever: Vector) -> Vector:
     """(k, 3) the linear part of twists (k, 6) at levers (k, 3) from what they are of."""
-    return twist[:, :3] + cross_rows(twist[:, 3:], lever)
-
+    return np.asarray(twist[:, :3] + cross_rows(twist[:, 3:], lever))

@@ -41,11 +41,15 @@ Mask = NDArray[np.bool_]
 KNOWN = 0.3
 #: What the file says counts as one measurement, with so many scales for its deviation.
 WEAK = 3.0
-_MOST_STEPS = 60
+#: With so many times the deviation for what the file says, what logs decide changes by no more.
+_WEAKER, _BY_LOGS = 10.0, 1.1
+_MOST_STEPS, _FEW_STEPS = 60, 12
 #: Steps that are this share of the deviations end the iterations.
 _SMALL = 1e-3
 #: Of a parameter's scale, by which differences are taken.
 _DIFFERENCE = 1e-6
+#: What changes readings by less than this share of the largest is a matter of their last digits.
+_UNSEEN = 1e-5
 #: The longest delay that is tried [s], in addition to the declared one.
 _LONGEST_DELAY = 0.1
 WRENCH, JOINT = "wrench", "joint"
@@ -104,16 +108,15 @@ class Problem:
         logs: with their models.
         parameters: that are wanted.
         zeros: nuisance parameters, one for each tare and component.
-        first: whether nothing is known yet of the friction of joints.
         joints: of each log, once it is known where nothing touches; None without.
-        metric: the world by whose inertia torques are weighed; None for that of the values.
+        metric: the world by whose inertia torques are weighed, and by whose friction joints slide;
+            None for that of the values.
     """
 
     def __init__(
         self, program: Program, logs: Sequence[LogModel], parameters: Sequence[Parameter]
     ) -> None:
         self.program, self.logs = program, tuple(logs)
-        self.first = True
         self.metric: Task | None = None
         self.joints: list[Joints | None] = [None] * len(self.logs)
         self._mobilities: dict[Payload | None, float] = {}
@@ -184,15 +187,14 @@ class Problem:
         other[number] = value
         nominal = self.program.context.loaded.task
         name = owner_of(parameter)
-        at_home = task.model_copy(
-            update={"world": {**task.world, name: task.world[name].model_copy(
-                update={"xyz": nominal.world[name].xyz, "rpy": nominal.world[name].rpy})}}
-        )  # fmt: skip
+        own, declared = task.shapes[name], nominal.shapes[name]
+        back = own.model_copy(update={"xyz": declared.xyz, "rpy": declared.rpy})
+        at_home = task.model_copy(update={"world": {**task.world, name: back}})
         return self._placed(at_home, name, other)
 
     @cached_property
     def moving(self) -> dict[str, dict[int, int]]:
-        """Of each object that is placed anew: row of its displacement -> number of the parameter."""
+        """Of each object that is placed anew: row of its displacement -> number of a parameter."""
         found: dict[str, dict[int, int]] = {}
         for number, parameter in enumerate(self.continuous):
             if parameter.moves:
@@ -264,7 +266,7 @@ class Problem:
                 changed = self._but(task, values, i, values[i] + step)
                 other = self._changed(log, changed, task, total, contacts, own, parameter)
                 if other is not None:
-                    slopes[rows[i]] = (other - alone) / step
+                    slopes[rows[i]] = self._heeded((other - alone) / step, i, alone)
         readings = log.readings
         present = np.isfinite(readings)
         late = SensorModel.of(task.robot.sensor, log.period)
@@ -277,8 +279,8 @@ class Problem:
     def _joints(self, number: int, log: Joints, task: Task, values: Vector, by: Mask) -> Block:
         sliding, n = None, log.exerted.shape[1]
         if self.slides:
-            known = np.broadcast_to(np.abs(task.robot.joint_friction), n)
-            sliding = log.sliding(None if self.first else known)
+            known = (task if self.metric is None else self.metric).robot.joint_friction
+            sliding = log.sliding(np.broadcast_to(np.abs(known), n))
         world = log.world(task)
         metric = world[0] if self.metric is None else log.world(self.metric)[0]
         accelerated = log.accelerated(world, sliding)
@@ -288,10 +290,16 @@ class Problem:
                 step = _DIFFERENCE * max(self.scales[i], abs(values[i]))
                 other = log.world(self._but(task, values, int(i), values[i] + step))
                 change = log.accelerated(other, sliding) - accelerated
-                slopes[row] = (metric @ (change / step)[..., None])[..., 0]
+                slope = (metric @ (change / step)[..., None])[..., 0]
+                slopes[row] = self._heeded(slope, int(i), log.exerted)
         predicted = log.exerted - log.left(metric, accelerated)
         there = np.ones_like(predicted, dtype=bool) if sliding is None else sliding
         return Block(number, JOINT, log.exerted, predicted, slopes, there, log.rows)
+
+    def _heeded(self, slope: Vector, number: int, of: Vector) -> Vector | float:
+        """A derivative; nothing where all that a parameter may plausibly be off hardly shows."""
+        seen = np.abs(slope).max(initial=0.0) * self.scales[number]
+        return slope if seen > _UNSEEN * np.abs(of).max(initial=0.0) else 0.0
 
     @cached_property
     def joints_wanted(self) -> bool:
@@ -377,13 +385,22 @@ class Fit:
     freedom: int
     delays: tuple[int, ...] = ()
 
-    @cached_property
-    def posterior(self) -> tuple[Vector, Vector]:
-        """(p, p) covariance in units of the scales, and (p,) deviations, with the file's values."""
-        whole = self.information + np.eye(len(self.information)) / WEAK**2
+    def posterior(self, weak: float = WEAK) -> tuple[Vector, Vector]:
+        """(p, p) covariance in units of the scales, and (p,) deviations, with the file's values.
+
+        Args:
+            weak: deviation of these, in scales.
+        """
+        whole = self.information + np.eye(len(self.information)) / weak**2
         size = np.sqrt(np.diag(whole))
         inverse = np.linalg.inv(whole / np.outer(size, size)) / np.outer(size, size)
         return inverse, np.sqrt(np.diag(inverse))
+
+    @cached_property
+    def known(self) -> Mask:
+        """(p,) what is known closely, and by the logs: not because the file limits the rest."""
+        deviations, alone = self.posterior()[1], self.posterior(_WEAKER * WEAK)[1]
+        return np.asarray((deviations < KNOWN) & (alone < _BY_LOGS * deviations))
 
     @property
     def task(self) -> Task:
@@ -470,11 +487,8 @@ class _Search:
             problem.joints = [log.joints(task) for log in problem.logs]
         if any(joints is not None for joints in problem.joints):
             progress("joints")
-            self._descended(taken, (JOINT,), last=False)
-            self.problem.first = False
-            self._descended(taken, (JOINT,), last=False)
+            self._descended(taken, (JOINT,), last=False, most=_MOST_STEPS)
             self._descended(taken, (JOINT,), last=True)
-        self.problem.first = False
 
     def contacts(self, progress: Callable[[str], None]) -> None:
         """What the sensor says."""
@@ -487,6 +501,8 @@ class _Search:
                 taken &= ~self.problem.taken(OF_JOINTS, zeros=False)
             last = number == len(_STAGES)
             of = (WRENCH, JOINT) if both and last else (WRENCH,)
+            if last:
+                self._turns()
             for _ in range(6):
                 progress("contact")
                 self._descended(taken, of, last=last)
@@ -494,6 +510,18 @@ class _Search:
                 if best == self.ticks:
                     break
                 self.ticks = best
+
+    def _turns(self) -> None:
+        """Finds out whether sensors turn with the tool, of which files do not say so."""
+        for number, log in enumerate(self.problem.logs):
+            if not log.open:
+                continue
+            left = {}
+            for turns in (False, True):
+                log.turns = turns
+                block = self.problem.blocks(self.values, self.delay, of=(WRENCH,))[number]
+                left[turns] = float(np.square(block.left).sum())
+            log.turns = left[True] < left[False]
 
     def found(self) -> Fit:
         """The parameters, and what is known of them."""
@@ -512,13 +540,16 @@ class _Search:
             count - len(problem.scales), delays,
         )  # fmt: skip
 
-    def _descended(self, taken: Mask, of: Sequence[str], *, last: bool) -> None:
+    def _descended(
+        self, taken: Mask, of: Sequence[str], *, last: bool, most: int = _FEW_STEPS
+    ) -> None:
         """Least squares under their own noise.
 
         Args:
             taken: (p,) which parameters are changed.
             of: which channels count.
             last: whether to the end, with noise that hangs together from tick to tick.
+            most: steps, if it is not the last time.
         """
         problem, order = self.problem, None if last else 0
         problem.metric = None
@@ -526,7 +557,7 @@ class _Search:
         blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
         noises = noises_of(blocks, order)
         damping = 1e-6
-        for _ in range(_MOST_STEPS if last else 12):
+        for _ in range(_MOST_STEPS if last else most):
             problem.metric = problem.task(self.values, self.delay)
             M, g, total, _ = normal_equations(blocks, noises, scales)
             home = ((problem.declared - self.values) / problem.scales)[taken]
@@ -607,8 +638,9 @@ class _Search:
     def _tried(self, most: int) -> list[int]:
         """Delays that are tried: all near the present one, ever fewer farther away."""
         near = range(max(self.ticks - 8, 0), self.ticks + 9)
-        far = {round(8 * 1.3**i) for i in range(30)}
-        return sorted({*near, *(t for d in far for t in (self.ticks - d, self.ticks + d) if 0 <= t <= most)})  # fmt: skip
+        away = {round(8 * 1.3**i) for i in range(30)}
+        far = {t for d in away for t in (self.ticks - d, self.ticks + d) if 0 <= t <= most}
+        return sorted({*near, *far})
 
 
 def step(M: Vector, g: Vector, home: Vector, damping: float = 0.0) -> tuple[Vector, Vector]:

@@ -15,12 +15,12 @@ from taskspec.compiler import compile_unchecked
 from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec.spec import LoadedTask, Task
-from taskspec.text.units import Dimension, scaled, si_unit
-from taskspec_runner.identify.fit import KNOWN, WEAK, Block, Fit, Problem, fit
+from taskspec.text.units import Dimension, si_unit
+from taskspec_runner.identify.fit import KNOWN, Block, Fit, Problem, fit
 from taskspec_runner.identify.logs import check_log, open_log
 from taskspec_runner.identify.model import LogModel
 from taskspec_runner.identify.outside import Outside
-from taskspec_runner.identify.parameters import Parameter, parameters_of
+from taskspec_runner.identify.parameters import parameters_of
 from taskspec_runner.record.history import History
 
 Vector = NDArray[np.float64]
@@ -195,7 +195,10 @@ class Identification:
         Raises:
             KeyError: logs do not decide it.
         """
-        return next((e for e in self.estimates if e.name == name), None) or _missing(name)
+        for each in self.estimates:
+            if each.name == name:
+                return each
+        raise KeyError(name)
 
     def as_data(self) -> dict[str, Any]:
         """For `--format json`, in SI."""
@@ -209,10 +212,6 @@ class Identification:
             "confounded": [each.as_data() for each in self.confounded],
             "residuals": [each.as_data() for each in self.residuals],
         }
-
-
-def _missing(name: str) -> Estimate:
-    raise KeyError(name)
 
 
 def identify(
@@ -255,13 +254,13 @@ def _identification(program: Program, found: Fit, level: float) -> Identificatio
     problem = found.problem
     count = len(problem.continuous)
     scales = problem.scales
-    inverse, deviations = found.posterior
-    known = deviations[:count] < KNOWN
+    inverse, _ = found.posterior()
+    known = found.known[:count]
     own = 1 / np.sqrt(np.maximum(np.diag(found.information)[:count], 1e-300))
     unseen = ~known & (own > KNOWN)
     mixed = ~known & ~unseen
     outside = Outside(problem, found, known)
-    values, slopes = outside.values, outside.slopes
+    slopes = outside.slopes
     inside = (inverse * np.outer(scales, scales))[:count, :count]
     covariance = slopes @ inside @ slopes.T
     quantile = NormalDist().inv_cdf(0.5 + level / 2)
@@ -358,7 +357,7 @@ def _combinations(
         names = [outside.names[i] for i in group]
         used = np.abs(row) > _SMALL * np.abs(row).max()
         value = float(
-            sum(c * outside.values[i] for c, i, u in zip(si, group, used, strict=True) if u)
+            sum(c * outside.found[i] for c, i, u in zip(si, group, used, strict=True) if u)
         )
         found.append(
             Combination(
@@ -409,15 +408,3 @@ def _channel(block: Block, i: int) -> str:
     if block.of == "joint":
         return f"joint.{i + 1}.torque"
     return f"force.{'xyz'[i]}" if i < 3 else f"torque.{('rx', 'ry', 'rz')[i - 3]}"
-
-
-__all__ = [
-    "LEVEL",
-    "WEAK",
-    "Combination",
-    "Estimate",
-    "Group",
-    "Identification",
-    "identify",
-    "scaled",
-]

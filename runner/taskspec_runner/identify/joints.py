@@ -7,8 +7,8 @@ plant's step h accelerates the joints by a with
 
 the damping of a step being that of its end. What is left of a log is that matrix times the
 acceleration that was, less the one that a world predicts: where torques come with noise, it is that
-noise, channel by channel. Derivatives are taken of the prediction alone, as the acceleration that was
-has the noise in it.
+noise, channel by channel. Derivatives are taken of the prediction alone, as the acceleration that
+was has the noise in it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,6 @@ Mask = NDArray[np.bool_]
 
 #: A joint that is slower than this may stick [rad/s, m/s].
 _SLOW = 0.01
-#: Where friction is not known, a joint slides from this share of its largest speed on.
-_FASTEST = 0.7
 #: So many times as fast as it creeps at most it slides for sure.
 _SURELY = 1.5
 #: By so many deviations of its change from tick to tick an acceleration may be larger.
@@ -60,21 +58,15 @@ class Joints:
         self._before = np.abs(motion.acceleration[np.maximum(rows - 1, 0)]) + _SHAKEN * shaken
         self._step = 1.0 / context.loaded.task.control.plant_rate
 
-    def sliding(self, friction: Vector | None) -> Mask:
+    def sliding(self, friction: Vector) -> Mask:
         """(k, joints) where a joint moves so fast that it slides.
 
-        Args:
-            friction: (joints,) its friction [N m, N]; None where that is not known: then it is
-                when it is nearly as fast as ever.
+        A friction (joints,) that is too small leaves joints in that only creep, by which it then
+        seems larger: from nothing on, iterations come to the true one.
         """
-        speed = np.abs(self._rates)
         # A joint creeps where its slip is small beside what friction and acceleration need.
-        least = self._before / _FRICTION_RATE
-        if friction is None:
-            least = np.maximum(least, _FASTEST * speed.max(axis=0, initial=0.0))
-        else:
-            least = least + _SURELY * friction * self._softness / _FRICTION_RATE
-        return np.asarray(speed > np.maximum(least, _SLOW))
+        least = (self._before + _SURELY * friction * self._softness) / _FRICTION_RATE
+        return np.asarray(np.abs(self._rates) > np.maximum(least, _SLOW))
 
     def world(self, task: Task) -> tuple[Vector, Vector]:
         """(k, joints, joints) the matrix, (k, joints) the right-hand side."""

@@ -43,6 +43,9 @@ class LogModel:
         history: of it.
         motion: of the arm in the steps that the rows' readings come from.
         measured: the readings.
+        open: whether the file does not say that the sensor turns with the tool.
+        turns: whether it is taken to: each reading is then turned into the world with the tool's
+            axes of the tick, else with those of the step that it comes from.
     """
 
     def __init__(self, program: Program, history: History, name: str) -> None:
@@ -65,9 +68,12 @@ class LogModel:
         }
         self._center = self.motion.p + self.motion.R @ tool.centers[0]
         self._radius = float(tool.radii[0])
+        self._into: dict[bool, Vector] = {}
         self._near: dict[str, NDArray[np.int64]] = {}
-        self._kept: dict[tuple[int, int], Vector] = {}
-        self._turns = task.robot.sensor != Sensor() or any(s.tare for s in task.stages.values())
+        self._kept: dict[tuple[int, int, bool], Vector] = {}
+        stages = task.stages.values()
+        self.open = task.robot.sensor == Sensor() and not any(each.tare for each in stages)
+        self.turns = not self.open
 
     @property
     def ticks(self) -> int:
@@ -173,17 +179,19 @@ class LogModel:
     def logged(self, tool: Vector) -> Vector:
         """(ticks, 6) wrenches in the tool's axes about the tip, as the log has them."""
         if self._lever is not None:
-            R = self._tip_axes if self._turns else self.motion.R
+            R = self._tip_axes if self.turns else self.motion.R
             tool = tool.copy()
             lever = (R.transpose(0, 2, 1) @ self._lever[..., None])[..., 0]
             tool[:, 3:] -= cross_rows(lever, tool[:, :3])
         return turned_rows(self._into_log, tool)
 
-    @cached_property
+    @property
     def _into_log(self) -> Vector:
         """(ticks, 3, 3) from the tool's axes to the log's."""
-        R = self._tip_axes if self._turns else self.motion.R
-        return np.asarray(self.measured.axes[1:].transpose(0, 2, 1) @ R)
+        if self.turns not in self._into:
+            R = self._tip_axes if self.turns else self.motion.R
+            self._into[self.turns] = self.measured.axes[1:].transpose(0, 2, 1) @ R
+        return self._into[self.turns]
 
     @cached_property
     def _lever(self) -> Vector | None:
@@ -197,9 +205,10 @@ class LogModel:
 
     def constant(self, component: int, epoch: int) -> Vector:
         """(ticks, 6) what one unit of a constant reading is in the log, between two tares."""
-        if (component, epoch) not in self._kept:
-            self._kept[component, epoch] = self._constant(component, epoch)
-        return self._kept[component, epoch]
+        key = component, epoch, self.turns
+        if key not in self._kept:
+            self._kept[key] = self._constant(component, epoch)
+        return self._kept[key]
 
     def _constant(self, component: int, epoch: int) -> Vector:
         unit = np.zeros((self.ticks, 6))

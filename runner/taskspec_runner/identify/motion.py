@@ -24,7 +24,7 @@ _LEAST_TICKS = 20
 
 @dataclass(frozen=True)
 class Motion:
-    """The arm in the plant step at whose end tick k + 1 senses, for each tick k of a log but the last.
+    """The arm in the plant step before tick k + 1 senses, for each tick k of a log but the last.
 
     World axes. The step starts at joint positions q and velocities v, and accelerates them by a:
     with one step in a tick these are row k and (v[k+1] - v[k])/T.
@@ -185,4 +185,5 @@ class Readings:
     @cached_property
     def present(self) -> NDArray[np.bool_]:
         """(n, 6) which of them there are."""
-        return np.isfinite(self.values) & np.isfinite(self.axes).all(axis=(1, 2))[:, None]
+        placed = np.all(np.isfinite(self.axes), axis=(1, 2))
+        return np.asarray(np.isfinite(self.values) & placed[:, np.newaxis])

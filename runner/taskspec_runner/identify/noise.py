@@ -1,4 +1,4 @@
-"""What is left of a log beside a model: how large it is, and how it hangs together from tick to tick."""
+"""What is left of a log beside a model: its size, and how each tick depends on those before."""
 
 from __future__ import annotations
 

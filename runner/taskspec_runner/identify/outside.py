@@ -29,7 +29,9 @@ class Outside:
     pitch and yaw against them. What of these is not known stays as in the file.
 
     Attributes:
-        values: (count,) [SI].
+        inside: (count,) what iterations go by, with what is not known as in the file.
+        values: (count,) the same as the file has them [SI].
+        found: (count,) all as it was found, also what is not known by itself [SI].
         slopes: (count, count) their derivatives by what iterations go by.
         names: of each.
     """
@@ -41,6 +43,7 @@ class Outside:
         values = found.values[:count].copy()
         self.inside = self._at_home(values)
         self.values = self._outside(self.inside)
+        self.found = self._outside(values)
         self.slopes = np.zeros((count, count))
         for i in range(count):
             if not known[i]:

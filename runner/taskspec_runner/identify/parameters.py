@@ -38,8 +38,8 @@ FRAMES = "frames"
 class Parameter:
     """A component of a value that can be identified.
 
-    Iterations go by its value, but of a filter f by the lag b T/(1 - b), b = exp(-2 pi f T), which is
-    0 for no filter.
+    Iterations go by its value, but of a filter f by the lag b T/(1 - b), b = exp(-2 pi f T), which
+    is 0 for no filter.
 
     Attributes:
         path: as `vary` names it.

@@ -14,7 +14,8 @@ Vector = NDArray[np.float64]
 
 def turned(R: Vector, by: Vector) -> Vector:
     """(3, 3) axes R turned about their own x and y at once, and then about their own z [rad]."""
-    return R @ _exp(np.array([by[0], by[1], 0.0])) @ _exp(np.array([0.0, 0.0, by[2]]))
+    first, second = np.array([by[0], by[1], 0.0]), np.array([0.0, 0.0, by[2]])
+    return np.asarray(R @ _exp(first) @ _exp(second))
 
 
 def origin_of(own: Shape, by: Vector) -> Vector:
@@ -57,7 +58,7 @@ def rpy_of(R: Vector, near: Vector) -> Vector:
         first = np.array([np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])])
     second = np.array([first[0] + np.pi, np.pi - first[1], first[2] + np.pi])
     both = [near + (each - near + np.pi) % (2 * np.pi) - np.pi for each in (first, second)]
-    return min(both, key=lambda each: float(np.abs(each - near).sum()))
+    return np.asarray(min(both, key=lambda each: float(np.abs(each - near).sum())))
 
 
 def _exp(by: Vector) -> Vector:
@@ -65,5 +66,6 @@ def _exp(by: Vector) -> Vector:
     angle = float(np.linalg.norm(by))
     K = np.array([[0.0, -by[2], by[1]], [by[2], 0.0, -by[0]], [-by[1], by[0], 0.0]])
     if angle < 1e-12:
-        return np.eye(3) + K
-    return np.eye(3) + np.sin(angle) / angle * K + (1 - np.cos(angle)) / angle**2 * K @ K
+        return np.asarray(np.eye(3) + K)
+    square = (1 - np.cos(angle)) / angle**2
+    return np.asarray(np.eye(3) + np.sin(angle) / angle * K + square * K @ K)

@@ -1,4 +1,4 @@
-"""Estimates as people and files write them: numbers with units, `--set` lines, entries of `vary`."""
+"""Estimates as people and files write them: numbers with units, `--set` lines, and `vary`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from taskspec_runner.identify.identification import Estimate, Identification
 from taskspec_runner.identify.parameters import PAYLOAD
 
 #: An interval that is narrower than this share of its value is none.
-_SAME = 1e-9
+_SAME = 1e-6
 #: Digits of a value beyond the first one of its deviation.
 _BEYOND = 2
 _MOST_DIGITS = 9
@@ -72,7 +72,8 @@ def _listed(found: Identification, path: str, estimates: list[Estimate]) -> str:
         if i not in deviation and not any(e.along for e in estimates):
             value = value_of(context, found.loaded.task, path, i)
         unit = suited(max(abs(value), least), dimension)
-        parts.append(shown(value, unit, deviation.get(i, least)))
+        text = shown(value, unit, deviation.get(i, least))
+        parts.append("0" if text.startswith("0 ") else text)
     return f"[{', '.join(parts)}]"
 
 
@@ -85,11 +86,6 @@ def set_lines(found: Identification) -> Iterator[str]:
 def key_of(path: str) -> str:
     """The key of a file that a value stands at: a payload is the truth's alone."""
     return f"truth.{path}" if path.startswith(PAYLOAD) else path
-
-
-def steps_of(path: str) -> tuple[str, ...]:
-    """The keys that lead to a value in a file."""
-    return ("truth", path) if path.startswith(PAYLOAD) else tuple(path.split("."))
 
 
 def tolerances(found: Identification) -> dict[str, str]:
@@ -132,7 +128,7 @@ def _off(each: Estimate) -> str:
 
 
 def _tolerance(width: float, each: Estimate) -> str:
-    if math.isinf(width) or width <= _SAME * max(abs(each.value), abs(each.declared)):
+    if math.isinf(width) or width <= _SAME * max(abs(each.value), abs(each.declared), _SAME):
         return "0"
     unit = suited(width, each.dimension)
     return f"+- {number(in_unit(width, unit), 3)} {unit}".rstrip()
@@ -151,13 +147,13 @@ def _turned(found: Identification, path: str, estimates: list[Estimate]) -> str:
     return f"[{', '.join(parts)}]" if any(part != "0" for part in parts) else ""
 
 
-def file_values(found: Identification) -> dict[tuple[str, ...], str]:
-    """All that a file gets: values, and the intervals of `vary`, by the keys that lead to them."""
+def file_values(found: Identification) -> dict[str, str]:
+    """All that a file gets: values, and the intervals of `vary`, by paths of overrides."""
     plain = values(found)
-    made = {steps_of(path): value for path, value in plain.items() if not path.startswith(PAYLOAD)}
+    made = {path: value for path, value in plain.items() if not path.startswith(PAYLOAD)}
     load = {path: value for path, value in plain.items() if path.startswith(PAYLOAD)}
     if load:
         inner = ", ".join(f"{path.rpartition('.')[2]}: {value}" for path, value in load.items())
-        made["truth", PAYLOAD] = f"{{{inner}}}"
-    made |= {("vary", path): value for path, value in tolerances(found).items()}
+        made[f"truth.{PAYLOAD}"] = f"{{{inner}}}"
+    made |= {f"vary.{path}": value for path, value in tolerances(found).items()}
     return made
