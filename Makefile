@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
 .PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check identify-worlds robosuite cell-presses
-.PHONY: clean bounds energies interface
+.PHONY: clean bounds energies interface tune-worlds
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -87,6 +87,9 @@ boundaries: $(READY)  ## boundaries of force loops over servos: closed form, sam
 
 servo-designs: $(READY)  ## designed gains of 500 random presses over servos, from their boundary; docs/admittance-boundary.md
 	$(BIN)/python campaigns/servo_tasks.py --tasks 500 --page docs/admittance-boundary.md
+
+tune-worlds: $(READY)  ## 20 random tasks tuned, and judged in 50 fresh worlds each; docs/how-to/tune.md
+	$(BIN)/python campaigns/tuned_worlds.py --tasks 20 --fresh 50 --page docs/how-to/tune.md
 
 identify-worlds: $(READY)  ## 500 hidden worlds identified from a run each: how often intervals hold; docs/identify.md
 	$(BIN)/python campaigns/identify.py --seed 41 --worlds 500 --tasks judge --page docs/identify.md

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from taskspec.spec import load_text
+from taskspec.spec.patch import PatchError, patched
 from taskspec.text.diagnostic import SpecError
 from taskspec_runner.cli.console import console, show, table
 from taskspec_runner.cli.formats import RunFormat
@@ -20,7 +21,6 @@ from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.exit_codes import WELL
 from taskspec_runner.identify.held_out import Prediction
 from taskspec_runner.identify.identification import Identification, identify
-from taskspec_runner.identify.patch import patched
 from taskspec_runner.identify.written import file_values, set_lines, shown, unit_of
 from taskspec_runner.record.folder import plain
 
@@ -77,7 +77,10 @@ def _write(found: Identification, target: Path) -> None:
         InputError: it would not say what was identified.
         OutputError: it cannot be written.
     """
-    text = patched(found.loaded.source.text, file_values(found))
+    try:
+        text = patched(found.loaded.source.text, file_values(found))
+    except PatchError as error:
+        raise InputError(f"{error}; give the identified values by --set") from error
     try:
         load_text(text, str(target), base=found.loaded.base)
     except SpecError as error:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.deferred_methods import dataclass
-from taskspec_runner.identify.fit import Fit, Problem
+from taskspec_runner.identify.fit import Fit, LogProblem
 from taskspec_runner.identify.model import LogModel
 from taskspec_runner.identify.words import channel_name, channel_unit
 
@@ -50,7 +50,7 @@ def predictions(found: Fit, log: LogModel) -> Iterator[Prediction]:
     Zeros of the log's own tares, which no other log tells, are those that leave least.
     """
     of = found.problem
-    problem = Problem(of.program, [log], of.parameters)
+    problem = LogProblem(of.program, [log], of.parameters)
     count = len(of.continuous)
     values = np.concatenate([found.values[:count], np.zeros(len(problem.zeros))])
     delay = None if found.delay is None else found.delay * of.period

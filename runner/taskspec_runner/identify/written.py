@@ -89,11 +89,6 @@ def key_of(path: str) -> str:
     return f"truth.{path}" if path.startswith(PAYLOAD) else path
 
 
-def steps_of(path: str) -> tuple[str, ...]:
-    """The keys that lead to a value in a file."""
-    return ("truth", path) if path.startswith(PAYLOAD) else tuple(path.split("."))
-
-
 def tolerances(found: Identification) -> dict[str, str]:
     """Entries of `vary` that have the intervals, by paths.
 
@@ -153,13 +148,13 @@ def _turned(found: Identification, path: str, estimates: list[Estimate]) -> str:
     return f"[{', '.join(parts)}]" if any(part != "0" for part in parts) else ""
 
 
-def file_values(found: Identification) -> dict[tuple[str, ...], str]:
-    """All that a file gets: values, and the intervals of `vary`, by the keys that lead to them."""
+def file_values(found: Identification) -> dict[str, str]:
+    """All that a file gets: values, and the intervals of `vary`, by paths of overrides."""
     plain = values(found)
-    made = {steps_of(path): value for path, value in plain.items() if not path.startswith(PAYLOAD)}
+    made = {path: value for path, value in plain.items() if not path.startswith(PAYLOAD)}
     load = {path: value for path, value in plain.items() if path.startswith(PAYLOAD)}
     if load:
         inner = ", ".join(f"{path.rpartition('.')[2]}: {value}" for path, value in load.items())
-        made["truth", PAYLOAD] = f"{{{inner}}}"
-    made |= {("vary", path): value for path, value in tolerances(found).items()}
+        made[f"truth.{PAYLOAD}"] = f"{{{inner}}}"
+    made |= {f"vary.{path}": value for path, value in tolerances(found).items()}
     return made
