@@ -233,7 +233,7 @@ def test_limits():
 
 
 def test_alarms():
-    alarm, run = inspect.getsource(SimulatedPlant.alarm), inspect.getsource(loop._run)
+    alarm, run = inspect.getsource(SimulatedPlant.alarm), inspect.getsource(loop.Steps._run)
     names = re.findall(r'"([a-z_]+)", (?:f"|text)', alarm) + re.findall(r'_stopped\("(\w+)"', run)
     assert set(first_words(CONVENTIONS, "table: alarms")) == set(names)
 

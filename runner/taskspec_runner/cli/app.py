@@ -94,13 +94,14 @@ def plant(
     served: options.PlantOptions,
     given: options.WorldOptions,
     kept: options.RecordOptions,
+    live: options.LiveOptions,
     force: options.Force = False,
 ) -> int:
     """Serve a task's plant: whoever answers with torques drives it, and is judged by the file."""
     from taskspec_runner.cli.plant import Listening
     from taskspec_runner.cli.run import run_task
 
-    return run_task(file, given, kept, force=force, on=Listening(served))
+    return run_task(file, given, kept, force=force, on=Listening(served), live=live.moves)
 
 
 @_command

@@ -137,7 +137,8 @@ class LiveOptions:
         typer.Option(
             "--live",
             metavar="'NAME = VALUE @ TIME'",
-            help="Set a live param at a run time, such as 'press = 8 N @ 1 s'; may be repeated.",
+            help="Set a live param at a run time, such as 'press = 8 N @ 1 s'; or an address, such "
+            "as udp://127.0.0.1:0, at which other programs set them. May be repeated.",
         ),
     ] = field(default_factory=list)
 
