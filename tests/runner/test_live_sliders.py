@@ -1,4 +1,4 @@
-"""Sliders of live params: who may move them, what they set, and that such a run can be made again."""
+"""Sliders of live params: who may move them, what they set, and how such a run is made again."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from taskspec.program.program import Program
 from taskspec.program.worlds import true_world
 from taskspec.spec import load_text
 from taskspec_runner.cli import app
+from taskspec_runner.errors import InputError
 from taskspec_runner.live.channel import Channel
 from taskspec_runner.live.server import PageServer
 from taskspec_runner.live.sliders import SET, Sliders, sliders_of
@@ -218,17 +219,27 @@ def test_a_run_with_moves_is_made_again(tmp_path: Path, program: Program, loop: 
     assert "soft = 600.0 N/m @ 0.5 s" in lines
     assert {line.split()[0] for line in lines} == {"press", "side", "soft"}
     (tmp_path / "task.yaml").write_text(TASK)
-    again = tmp_path / "again"
-    words = [word for line in lines for word in ("--live", line)]
-    words = ["run", str(tmp_path / "task.yaml"), "--out", str(again), "--loop", loop, *words]
-    assert CliRunner().invoke(app, words).exit_code == made[0].exit_code
-    for name in ("log.arrow", "summary.json"):
-        assert (again / name).read_bytes() == (tmp_path / "run" / name).read_bytes()
-    assert Run.load(again).manifest["live"] == sorted(
-        lines, key=lambda line: round(float(line.split()[-2]) / period)
-    )
+    by_line = [word for line in lines for word in ("--live", line)]
+    for number, moves in enumerate((by_line, ["--live", str(tmp_path / "run")])):
+        again = tmp_path / f"again-{number}"
+        words = ["run", str(tmp_path / "task.yaml"), "--out", str(again), "--loop", loop, *moves]
+        assert CliRunner().invoke(app, words).exit_code == made[0].exit_code
+        for name in ("log.arrow", "summary.json"):
+            assert (again / name).read_bytes() == (tmp_path / "run" / name).read_bytes()
+        assert Run.load(again).manifest["live"] == sorted(
+            lines, key=lambda line: round(float(line.split()[-2]) / period)
+        )
     plain = execute_program(program, tmp_path / "plain", report=False, loop=loop)
     assert (plain.folder / "log.arrow").read_bytes() != (again / "log.arrow").read_bytes()
+
+
+def test_a_run_that_kept_no_moves_is_named(tmp_path: Path, program: Program) -> None:
+    task, period = program.context.loaded.task, program.context.period
+    run = execute_program(program, tmp_path / "run", report=False)
+    with pytest.raises(InputError, match="no live params were set in that run"):
+        scheduled([str(run.folder)], task, period)
+    with pytest.raises(InputError, match="neither the folder of a run nor a move"):
+        scheduled([str(tmp_path)], task, period)
 
 
 def test_a_move_counts_within_20_ms(program: Program, tmp_path: Path) -> None:
@@ -241,10 +252,14 @@ def test_a_move_counts_within_20_ms(program: Program, tmp_path: Path) -> None:
     assert round(20e-3 / program.context.period) == 20
 
 
-STATE = """(() => {
+#: Every change of the slider of `press` goes to `seen`.
+WATCHED = """(() => {
     const row = document.querySelector('[data-param="press"]'), input = row.querySelector("input");
-    return {now: row.querySelector(".now").textContent, goes: row.querySelector(".goes").textContent,
-            text: input.getAttribute("aria-valuetext"), off: input.disabled};
+    window.seen = [];
+    new MutationObserver(() => seen.push({
+        now: row.querySelector(".now").textContent, goes: row.querySelector(".goes").textContent,
+        text: input.getAttribute("aria-valuetext"), off: input.disabled,
+    })).observe(row, {subtree: true, childList: true, attributes: true});
 })()"""
 
 
@@ -270,16 +285,14 @@ def test_sliders_are_moved_by_keys(browser: Browser, tmp_path: Path, program: Pr
             ["side", "range", "0 mm", "−20 to 20 mm, at 20 mm/s"],
             ["soft", "range", "800 N/m", "400 to 1200 N/m"],
         ]
-        going.start()
+        browser.run(WATCHED)
         browser.run("document.getElementById('live-press').focus()")
         browser.key("Home")
-        states = []
-        while going.is_alive():
-            states.append(browser.run(STATE))
-            time.sleep(0.05)
+        going.start()
+        going.join()
         page.end(made[0])
         end = time.monotonic() + 10
-        while not browser.run(STATE)["off"]:
+        while not (states := browser.run("seen"))[-1]["off"]:
             assert time.monotonic() < end
             time.sleep(0.05)
         assert browser.errors == []

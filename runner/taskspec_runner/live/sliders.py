@@ -18,7 +18,7 @@ from taskspec_runner.live.server import RefusedError
 from taskspec_runner.loop.live_schedule import LiveMove
 from taskspec_runner.loop.tap import ticks_between
 from taskspec_runner.pages.document import section
-from taskspec_runner.pages.html import element
+from taskspec_runner.pages.html import element, prose
 from taskspec_runner.pages.numbers import plain_scale
 
 #: The name under which a page sets a param.
@@ -81,7 +81,6 @@ class Sliders:
         """Sets what pages have requested since the last time; see `Hand`."""
         with self._lock:
             for name, value in self._wanted.items():
-                # What is set again would begin anew on its way, and a line for that says nothing.
                 if value != live.target(name):
                     live.set(name, value)
                     dimension = self.params[name].dimension
@@ -118,7 +117,7 @@ class Slider:
         low, high: bounds.
         step: between two places of the slider; places are whole numbers of it, and the bounds.
         value: declared.
-        rate: by the second; 0 where it jumps.
+        rate: how fast it goes, in words; empty where it jumps.
     """
 
     name: str
@@ -128,7 +127,7 @@ class Slider:
     high: float
     step: float
     value: float
-    rate: float
+    rate: str
 
 
 def sliders_of(params: Mapping[str, LiveParam]) -> tuple[Slider, ...]:
@@ -138,10 +137,9 @@ def sliders_of(params: Mapping[str, LiveParam]) -> tuple[Slider, ...]:
 
 def _slider(name: str, param: LiveParam) -> Slider:
     factor, unit = plain_scale(param.dimension, max(abs(param.low), abs(param.high)))
-    low, high, value, rate = (
-        factor * each for each in (param.low, param.high, param.value, param.rate)
-    )
-    return Slider(name, unit, factor, low, high, _nice((high - low) / _STEPS), value, rate)
+    low, high, value = (factor * each for each in (param.low, param.high, param.value))
+    step = _nice((high - low) / _STEPS)
+    return Slider(name, unit, factor, low, high, step, value, param.pace)
 
 
 def _nice(size: float) -> float:
@@ -169,7 +167,7 @@ def _row(slider: Slider) -> Markup:
     first = math.floor(slider.low / slider.step + _ROUNDING)
     last = math.ceil(slider.high / slider.step - _ROUNDING)
     bounds = f"{_with_unit(slider.low, '')} to {_with_unit(slider.high, slider.unit)}"
-    rate = f", at {_with_unit(slider.rate, _by_second(slider.unit))}" if slider.rate else ""
+    rate = f", at {slider.rate}" if slider.rate else ""
     now = _with_unit(slider.value, slider.unit)
     control = element(
         "input",
@@ -187,16 +185,12 @@ def _row(slider: Slider) -> Markup:
         "div",
         element("label", slider.name, for_=key),
         element("b", now, class_="now"),
-        element("span", class_="goes"),
         control,
-        element("small", f"{bounds}{rate}", id=f"{key}-bounds"),
+        element("small", prose(f"{bounds}{rate}"), id=f"{key}-bounds"),
+        element("span", class_="goes"),
         data_param=slider.name,
     )
 
 
 def _with_unit(value: float, unit: str) -> str:
     return f"{number(value)} {unit}".rstrip().replace("-", "−")
-
-
-def _by_second(unit: str) -> str:
-    return f"{unit}/s" if unit else "1/s"
