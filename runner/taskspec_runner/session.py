@@ -233,7 +233,7 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
     history = log.history()
     if simulated.by_signal:
         simulated = simulated.as_logged(history, program.context.period)
-    outcome, judged = simulated.outcome, judge_run(program, history)
+    outcome, judged = simulated.outcome, judge_run(program, history, manner.world.task)
     made = summarise(program, simulated, history, judged, manner.world)
     made |= stopping(outcome, history, program.context.period)
     if manner.link is not None:

@@ -234,6 +234,9 @@ class Checker:
         if meaning is None:
             self.problems.append(explain_name(node, self.scope))
             return UNKNOWN
+        if meaning.kind == "energy" and self.scope.kind is ScopeKind.REWARD:
+            message = f"'{node}' is worked out of a whole log, which a reward does not have"
+            return self.report("TS116", message, node, "judge it in 'expect'")
         if node.frame is not None:
             self._frame(node, meaning)
         if meaning.kind == "condition":
@@ -247,8 +250,9 @@ class Checker:
     def _frame(self, node: tree.Name, meaning: Meaning) -> None:
         assert node.frame is not None
         start, signal = node.end - len(node.frame), meaning.signal
-        if meaning.beside:
-            message = "a reference is in the frame of its stage"
+        if meaning.beside or self.scope.kind is ScopeKind.REWARD:
+            what = "a reference" if meaning.beside else "what a reward counts"
+            message = f"{what} is in the frame of its stage"
             self.problems.append(Problem("TS116", message, start, node.end, "leave out 'in'"))
         elif signal is None or not signal.framed:
             message = f"'{'.'.join(node.path)}' is the same in every frame"

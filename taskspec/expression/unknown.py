@@ -137,7 +137,9 @@ def _in_stage(node: Name, scope: Scope, end: int) -> Problem:
             "only an expectation may ask for a signal of a named stage",
             node.start,
             end,
-            f"write '{'.'.join(rest)}' for this stage, or move it to 'expect'",
+            f"give the stage a rate of its own: rate: {{{node.path[0]}: ..}}"
+            if scope.kind is ScopeKind.REWARD
+            else f"write '{'.'.join(rest)}' for this stage, or move it to 'expect'",
         )
     start = node.start + len(node.path[0]) + 1
     return _signal(rest, start, end, scope, after_stage=True)
@@ -201,6 +203,13 @@ def _signal(
 #: Words that begin the names of a family, each with its members and what it is called.
 _FAMILIES = {
     str(signals.Index.LINK): (tuple(signals.LINK), "the link has no signal"),
+    **{
+        head: (
+            tuple(n.partition(".")[2] for n in signals.ENERGY if n.startswith(f"{head}.")),
+            f"no {head} of a law is called",
+        )
+        for head in ("energy", "power")
+    },
     str(signals.Index.GAIN): (tuple(f"{name}.z" for name in signals.GAIN), "there is no gain"),
 }
 

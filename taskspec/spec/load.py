@@ -269,6 +269,26 @@ def _load(
     return loaded(task, true_task)
 
 
+def reread(loaded: LoadedTask, root: nodes.Mapping) -> LoadedTask:
+    """A loaded task with another tree.
+
+    Args:
+        loaded: the task.
+        root: its tree with changes, `loaded.root` else.
+
+    Raises:
+        SpecError: what was changed is wrong.
+    """
+    found, path = Diagnostics(loaded.source.name), loaded.path or Path(loaded.source.name)
+    task = _validate(root, found, path)
+    true_task = task
+    if task is not None and task.truth.paths:
+        true_task = _validate(grafted(root, task.truth), found, path, truth=True)
+    if task is None or true_task is None or found.has_errors:
+        raise SpecError(found.sorted(), loaded.sources)
+    return replace(loaded, task=task, true_task=true_task, root=root)
+
+
 def _robot_of(root: nodes.Mapping) -> Robot | None:
     """The robot with those of its keys that read without an error; None without its model."""
     section = root.get("robot")

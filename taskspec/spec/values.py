@@ -34,7 +34,7 @@ register(
 #: Where an expression is evaluated while a stage runs, or over what was recorded of it.
 _RUNNING = (
     *(ScopeKind.COUPLING, ScopeKind.PLANNED, ScopeKind.REFERENCE),
-    *(ScopeKind.GUARD, ScopeKind.EXPECT),
+    *(ScopeKind.GUARD, ScopeKind.EXPECT, ScopeKind.REWARD),
 )
 
 _FLOATS = FloatAlgebra()

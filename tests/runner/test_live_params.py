@@ -289,6 +289,20 @@ def test_an_expectation_is_judged_by_the_value_of_each_tick(tmp_path: Path) -> N
     assert [each.passed for each in high.expectations] == [True]
 
 
+def test_a_last_value_is_compared_with_what_was_set_then(tmp_path: Path) -> None:
+    text = TASK.replace(
+        "- press.force.z within -press +- 12 N",
+        "- last(press.force.z) within -press +- 1 N\n  - last(press.force.z) < -press + 1 N\n"
+        "  - max(press.force.z) < -press + 1 N",
+    )
+    moved = run(load_text(text, "task"), tmp_path, live=["press = 8 N @ 1 s"], report=False)
+    by = {each.text: each.passed for each in moved.expectations}
+    assert by["last(press.force.z) within -press +- 1 N"] is True
+    assert by["last(press.force.z) < -press + 1 N"] is True
+    # No tick's value belongs to a greatest one: each is compared with it.
+    assert by["max(press.force.z) < -press + 1 N"] is False
+
+
 @pytest.mark.parametrize(
     ("line", "text"),
     [

@@ -28,7 +28,7 @@ from taskspec_runner.dataset.features import (
 )
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.history import History, NotRecordedError, Visit
-from taskspec_runner.record.layout import param_column
+from taskspec_runner.record.named import param_column
 from taskspec_runner.runs import RebuildError, Run
 from taskspec_runner.verdict.replay import Replay
 

@@ -31,9 +31,8 @@ from taskspec.spec.params import worths
 from taskspec.text.units import TIME, show
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.file_array import BLOCK_ROWS, counted
-from taskspec_runner.record.layout import param_column
+from taskspec_runner.record.named import column_of, param_column
 from taskspec_runner.recorded.ticks import Ticks, filled
-from taskspec_runner.verdict.lookup import column_of
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]

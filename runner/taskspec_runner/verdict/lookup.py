@@ -9,32 +9,19 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.expression import Meaning, Scope, ScopeKind, resolve, tree
+from taskspec.expression import Meaning, resolve, tree
 from taskspec.expression.scope import CONSTANTS
 from taskspec.expression.series import Series, SeriesAlgebra
 from taskspec.spec import Task
 from taskspec.spec.params import slots_of, worths
 from taskspec_runner.record.file_array import full
 from taskspec_runner.record.history import History, NotRecordedError
-from taskspec_runner.record.layout import param_column
+from taskspec_runner.record.named import column_of, param_column, scope_of
 
 Vector = NDArray[np.float64]
 
 #: name, axis, frame -> (n,) the signal in the axes of that frame.
 Elsewhere = Callable[[str, str | None, str], Vector]
-
-
-def scope_of(task: Task) -> Scope:
-    """The names that the expectations of a task may use."""
-    return Scope(
-        ScopeKind.EXPECT,
-        task.params,
-        frozenset(task.stages),
-        {name: thing.kind for name, thing in task.world.items()},
-        frozenset(
-            ("world", "tool", *task.world, *task.frames, *(f"{m}.handle" for m in task.mechanisms))
-        ),
-    )
 
 
 class Lookup:
@@ -99,7 +86,8 @@ class Lookup:
         """This lookup for one expression, in which a norm leaves out what has no value.
 
         `norm(force)` of a planar arm has two components, `norm(error)` those of the axes that
-        follow a motion. Where none has a value, neither has the norm.
+        follow a motion. Where none has a value, neither has the norm. What a last value is compared
+        with counts as it was at that tick.
         """
         groups = {
             id(arg): node.args
@@ -109,8 +97,13 @@ class Lookup:
             if all(isinstance(a, tree.Name) for a in node.args)
         }
 
+        ends = self._ends(root)
+
         def find(name: tree.Name) -> Series:
             series = self(name)
+            if id(name) in ends and series.window is not None:
+                rows = np.flatnonzero(ends[id(name)])
+                return Series.one(series.values[rows[-1]] if rows.size else np.nan)
             group = groups.get(id(name), ())
             if not (group and series.gaps and series.inside().size) or self._lacks(name):
                 return series
@@ -120,6 +113,23 @@ class Lookup:
             return replace(series, values=np.where(left_out, 0.0, series.values))
 
         return find
+
+    def _ends(self, root: tree.Node) -> dict[int, NDArray[np.bool_]]:
+        """The ticks (n,) of the last values that params are compared with, by the params' node."""
+        found: dict[int, NDArray[np.bool_]] = {}
+        for condition in tree.walk(root):
+            if not isinstance(condition, tree.Compare | tree.WithinNode):
+                continue
+            reduced = [n for n in tree.walk(condition) if isinstance(n, tree.Reduce)]
+            inside = {id(n) for each in reduced for n in tree.walk(each)}
+            of = [(node, meaning.stage) for node, meaning in self.names(condition)]
+            if {n.reducer for n in reduced} != {"last"} or any(id(n) not in inside for n, _ in of):
+                continue
+            windows = [self._history.window(stage) for _, stage in of]
+            for name in tree.walk(condition):
+                if isinstance(name, tree.Name) and id(name) not in inside and windows:
+                    found[id(name)] = reduce(np.logical_and, windows)
+        return found
 
     def names(self, root: tree.Node) -> Iterator[tuple[tree.Name, Meaning]]:
         """The measured names of an expression; params and constants left out."""
@@ -203,21 +213,3 @@ class Lookup:
         reason = f" ({absent})" if absent else ""
         hint = "" if meaning.stage or len(where) > 3 else "; name the stage with it"
         return f"{name} has no value in {stages}{reason}{hint}"
-
-
-def column_of(meaning: Meaning) -> str:
-    """The log's name of a signal, or of what it has beside it."""
-    name = _signal_of(meaning)
-    return f"{name}.{meaning.beside}" if meaning.beside else name
-
-
-def _signal_of(meaning: Meaning) -> str:
-    if meaning.kind == "joint":
-        return f"joint.{meaning.subject}.{meaning.name}"
-    if meaning.kind == "object":
-        return f"{meaning.subject}.{meaning.name}"
-    if meaning.kind == "gain":
-        return f"gain.{meaning.name}.{meaning.subject}"
-    if meaning.kind == "link":
-        return f"link.{meaning.name}"
-    return f"{meaning.name}.{meaning.axis}" if meaning.axis else meaning.name
