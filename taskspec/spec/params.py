@@ -21,7 +21,19 @@ from taskspec.spec.quantities import QuantityInterval, quantity_schema
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
 from taskspec.text.suggest import suggestion
-from taskspec.text.units import NUMBER, TIME, Dimension, Quantity, describe, fitting, noun, show
+from taskspec.text.units import (
+    NUMBER,
+    TIME,
+    Dimension,
+    Quantity,
+    describe,
+    fitting,
+    measure_in,
+    noun,
+    scaled,
+    show,
+    si_unit,
+)
 
 register({"TS127": "params that define each other in a circle"})
 
@@ -47,6 +59,18 @@ class LiveParam(Quantity):
     rate: float = 0.0
 
     live: ClassVar[bool] = True
+
+    @property
+    def pace(self) -> str:
+        """Its rate as text, such as `10 N/s`; empty where it jumps."""
+        if not self.rate:
+            return ""
+        by_second = self.dimension / TIME
+        # Few rates have a unit of their own.
+        measured = measure_in(si_unit(by_second))
+        return (
+            scaled(self.rate, by_second) if measured else f"{scaled(self.rate, self.dimension)}/s"
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -378,3 +378,37 @@ def test_terms_without_a_trial_and_of_a_stage_that_is_not_reached():
     assert {each["terms"]["where"] for each in at_start.values()} == {"at the start pose"}
     unreached = explained(str(TASKS / "peg-in-hole.yaml"), "--terms")["lift"]["terms"]
     assert unreached == "the trial does not come to this stage"
+
+
+def test_live_params_with_bounds_and_rates(tmp_path):
+    path = tmp_path / "live.yaml"
+    path.write_text("""
+taskspec: 1
+robot: {model: panda, start: {xyz: [500 mm, 0, 302 mm]}}
+world: {table: {shape: plane, xyz: [0, 0, 300 mm], stiffness: 20 kN/m, friction: 0.2}}
+params:
+  level: {value: 12 N, live: 5..20 N, rate: 10 N/s}
+  side: {value: 0, live: +- 20 mm, rate: 20 mm/s}
+  half: level / 2
+  soft: {value: 800 N/m, live: 400..1200 N/m}
+law: {kind: impedance, stiffness: {x: soft, y: soft, z: 1000 N/m}}
+stages:
+  approach: {axes: {z: {velocity: -20 mm/s}}, until: force.z < -half, within: {time: 2 s}}
+  press: {axes: {z: {force: -level}, x: {position: 500 mm + side}}, time: 1 s}
+expect: []
+""")
+    words = ["explain", "--static", str(path)]
+    shown = CliRunner().invoke(app, words)
+    assert shown.exit_code == 0, shown.output
+    rows = [line.split("  ") for line in shown.stdout.splitlines()]
+    cells = [[cell.strip() for cell in row if cell.strip()] for row in rows]
+    assert ["level", "12 N", "5 N to 20 N", "10 N/s"] in cells
+    assert ["side", "0 mm", "-20 mm to 20 mm", "20 mm/s"] in cells
+    assert ["soft", "800 N/m", "400 N/m to 1.2 kN/m", "at once"] in cells
+    data = json.loads(CliRunner().invoke(app, [*words, "--format", "json"]).stdout)["live"]
+    assert list(data) == ["level", "side", "soft"]
+    wanted = {"value": 12.0, "low": 5.0, "high": 20.0, "rate": 10.0, "unit": "N"}
+    assert data["level"] == wanted
+    plain = CliRunner().invoke(app, ["explain", "--static", str(TASKS / "wipe-table.yaml")])
+    assert plain.exit_code == 0
+    assert "live params" not in plain.stdout

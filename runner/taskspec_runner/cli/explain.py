@@ -153,6 +153,11 @@ def _explain_file(
     show(Text(shown.name, style="bold"), *about, _pairs((*shown.robot, ("trial", shown.how))))
     if shown.world:
         _section("world", _pairs(shown.world))
+    if shown.live:
+        live = table("param", "begins with", "may be", "goes there")
+        for row in shown.live:
+            live.add_row(*_cells(row.name, row.value, row.interval, row.rate))
+        _section("live params", live)
     frames = table("frame", "is", "task frame of")
     for frame in shown.frames:
         frames.add_row(*_cells(frame.name, frame.described, ", ".join(frame.stages)))

@@ -137,8 +137,9 @@ class LiveOptions:
         typer.Option(
             "--live",
             metavar="'NAME = VALUE @ TIME'",
-            help="Set a live param at a run time, such as 'press = 8 N @ 1 s'; or an address, such "
-            "as udp://127.0.0.1:0, at which other programs set them. May be repeated.",
+            help="Set a live param at a run time, such as 'press = 8 N @ 1 s'; or the folder of a "
+            "run, as there; or an address, such as udp://127.0.0.1:0, at which other programs set "
+            "them. May be repeated.",
         ),
     ] = field(default_factory=list)
 

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from taskspec_runner.link.link import Link
     from taskspec_runner.link.on_robot import LostPolicy
     from taskspec_runner.live.watched_run import WatchedRun
+    from taskspec_runner.loop.hand import Hand
     from taskspec_runner.runs import Run
 
 
@@ -111,7 +112,7 @@ def run_task(
                 spectator=page,
                 loop=loop,
                 link=link,
-                hand=hand,
+                hand=_together(hand, page),
             )
         if page is not None:
             page.end(run)
@@ -143,6 +144,15 @@ def _page(program: Program, world: World | None, watched: WatchOptions) -> Watch
     if announce(page.server.url):
         page.expect()
     return page
+
+
+def _together(known: Hand | None, page: WatchedRun | None) -> Hand | None:
+    """Who sets live params: those of the command line, then the page; None for nobody."""
+    if page is None or page.sliders is None:
+        return known
+    from taskspec_runner.loop.hand import Hands
+
+    return page.sliders if known is None else Hands([known, page.sliders])
 
 
 def _check(telemetry: str | None, out: Path | None, video: Path | None) -> None:

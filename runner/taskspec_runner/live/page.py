@@ -11,6 +11,7 @@ from markupsafe import Markup
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, ROTATIONS, TRANSLATIONS
 from taskspec.spec import Task
+from taskspec_runner.live.sliders import slider_section, sliders_of
 from taskspec_runner.pages.chart import Chart
 from taskspec_runner.pages.document import (
     Cells,
@@ -123,6 +124,7 @@ def live_page(
     """
     numbers = iter(range(sum(len(chart.traces) for chart in charts)))
     drawn = {chart.key: _drawn(chart, numbers) for chart in charts}
+    sliders = sliders_of(task.live)
     data = {
         "samples": [{"kind": "all", "values": "", "gaps": [], "start": 0.0}],
         "start": 0.0,
@@ -135,6 +137,7 @@ def live_page(
         "charts": drawn,
         "names": list(stages),
         "last": LAST,
+        **({"sliders": list(map(asdict, sliders))} if sliders else {}),
     }
     places = [figure(Chart(c.key, c.title, c.unit, ())) for c in charts]
     facts = [
@@ -151,12 +154,21 @@ def live_page(
             element("div", waiting, id="verdict", aria_live="polite"),
             pairs(facts, "facts"),
         ),
+        slider_section(sliders),
         bar([], f"Last {LAST:g} s"),
         section("", joined(arm, *places[:1]), look="charts main front"),
         section("", *places[1:], look="charts") if places[1:] else Markup(""),
         element("div", id="expectations"),
         data=data,
-        scripts=("samples", "plot", "legend", "time", "scene", "live"),
+        scripts=(
+            "samples",
+            "plot",
+            "legend",
+            "time",
+            "scene",
+            "live",
+            *["sliders"] * bool(sliders),
+        ),
         facts=Markup(""),
     )
 

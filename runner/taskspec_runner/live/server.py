@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hmac
+import json
 import secrets
 import sys
 import threading
@@ -19,6 +20,7 @@ from taskspec.regular_file import open_regular
 from taskspec_runner.errors import InputError
 from taskspec_runner.headless import has_screen
 from taskspec_runner.live.channel import Channel
+from taskspec_runner.record.folder import parse_json
 
 #: Nobody from another machine reaches it.
 LOOPBACK = "127.0.0.1"
@@ -28,6 +30,8 @@ EVENTS = "events"
 _SILENCE = 1.0
 #: A browser that takes nothing for so long is given up [s].
 _PATIENCE = 10.0
+#: Bytes of a request to set something, at most.
+_LONGEST = 4096
 #: Pages that are open get the last messages within so long [s].
 _FAREWELL = 0.5
 #: A page runs its own script and no other, and reaches nothing but this server.
@@ -45,15 +49,25 @@ _HEADERS = {
 }
 
 
+class RefusedError(Exception):
+    """What a page has requested cannot be; `conflict` where it is too late for it."""
+
+    def __init__(self, text: str, *, conflict: bool = False) -> None:
+        super().__init__(text)
+        self.status = HTTPStatus.CONFLICT if conflict else HTTPStatus.UNPROCESSABLE_ENTITY
+
+
 class PageServer:
     """Serves pages below a random path on loopback until it is closed.
 
-    A page has the messages of the channel as server-sent events. Whoever does not know the path is
-    refused, and so is a request to another host name, with which a page of the web would come that
-    has had its own name point here.
+    A page has the messages of the channel as server-sent events, and may have requests of its own
+    taken, which are JSON. Whoever does not know the path is refused, and so is a request to another
+    host name, with which a page of the web would come that has had its own name point here, and one
+    that the page of another origin makes.
 
     Attributes:
         channel: messages to the pages.
+        takes: what answers requests of pages, by their names.
         folder: pages in and below it are served, too; None for none.
         url: of the first page.
     """
@@ -63,6 +77,7 @@ class PageServer:
         pages: Mapping[str, Callable[[], str]],
         channel: Channel,
         *,
+        takes: Mapping[str, Callable[[Any], Any]] | None = None,
         folder: Path | None = None,
         port: int = 0,
     ) -> None:
@@ -71,6 +86,8 @@ class PageServer:
         Args:
             pages: what each page is, by its name below the path; the first page has an empty one.
             channel: messages to the pages.
+            takes: what answers requests of pages, by their names below the path: of JSON by JSON,
+                or a `RefusedError`; it is called in threads of the server.
             folder: as above.
             port: 0 for any that is free.
 
@@ -78,6 +95,7 @@ class PageServer:
             InputError: the port cannot be had.
         """
         self.channel, self.folder, self._pages = channel, folder, dict(pages)
+        self.takes = dict(takes or {})
         self._token = secrets.token_urlsafe(24)
         try:
             self._server = _Server((LOOPBACK, port), self)
@@ -161,20 +179,72 @@ class _Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "taskspec", ""
 
     def do_GET(self) -> None:
-        pages = self.server.pages
-        if not pages.knows(self.headers.get("Host", "")):
-            self.send_error(HTTPStatus.FORBIDDEN, "This is another host")
-            return
-        name = pages.within(urlsplit(self.path).path)
+        pages, name = self.server.pages, self._named()
         if name is None:
-            self.send_error(HTTPStatus.FORBIDDEN, "The address lacks its token")
-        elif name == EVENTS:
+            return
+        if name == EVENTS:
             self._events(pages.channel)
         elif (content := pages.page(name)) is None:
             self.send_error(HTTPStatus.NOT_FOUND, "There is no such page")
         else:
             self._begin("text/html; charset=utf-8")
             self.wfile.write(content)
+
+    def do_POST(self) -> None:
+        pages = self.server.pages
+        if not pages.takes:
+            self.send_error(HTTPStatus.NOT_IMPLEMENTED, "These pages are read")
+            return
+        name = self._named()
+        if name is None:
+            return
+        if name not in pages.takes:
+            self.send_error(HTTPStatus.NOT_FOUND, "Nothing here takes a request")
+            return
+        body = self._body()
+        if body is None:
+            return
+        try:
+            answer = pages.takes[name](parse_json(body))
+        except RefusedError as error:
+            self._answer(error.status, {"error": str(error)})
+        except (ValueError, RecursionError):
+            self._answer(HTTPStatus.BAD_REQUEST, {"error": "this is no JSON"})
+        else:
+            self._answer(HTTPStatus.OK, answer)
+
+    def _named(self) -> str | None:
+        """What the request is to, below the path; None after refusing it."""
+        pages = self.server.pages
+        if not pages.knows(self.headers.get("Host", "")):
+            self.send_error(HTTPStatus.FORBIDDEN, "This is another host")
+            return None
+        name = pages.within(urlsplit(self.path).path)
+        if name is None:
+            self.send_error(HTTPStatus.FORBIDDEN, "The address lacks its token")
+        return name
+
+    def _body(self) -> bytes | None:
+        """The body of a request of our own page; None after refusing it."""
+        scheme, _, host = self.headers.get("Origin", "").partition("://")
+        length = self.headers.get("Content-Length", "")
+        # Programs have no origin; browsers always name that of the page.
+        if "Origin" in self.headers and not (scheme == "http" and self.server.pages.knows(host)):
+            self.send_error(HTTPStatus.FORBIDDEN, "This is a page of another origin")
+        elif self.headers.get_content_type() != "application/json":
+            # Only for this type a browser asks before it sends what another origin has.
+            self.send_error(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "A request is application/json")
+        elif not (length.isascii() and length.isdecimal()):
+            self.send_error(HTTPStatus.LENGTH_REQUIRED, "A request has a length")
+        elif len(length) > len(str(_LONGEST)) or int(length) > _LONGEST:
+            self.send_error(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "The request is too long")
+        else:
+            return self.rfile.read(int(length))
+        return None
+
+    def _answer(self, status: HTTPStatus, data: Any) -> None:
+        self._begin("application/json", status)
+        self.wfile.write(json.dumps(data).encode())
 
     def _events(self, channel: Channel) -> None:
         """All messages as they come, from the one after that which the page had last."""
@@ -193,8 +263,8 @@ class _Handler(BaseHTTPRequestHandler):
                     ).encode()
                 )
 
-    def _begin(self, kind: str) -> None:
-        self.send_response(HTTPStatus.OK)
+    def _begin(self, kind: str, status: HTTPStatus = HTTPStatus.OK) -> None:
+        self.send_response(status)
         self.send_header("Content-Type", kind)
         for name, value in _HEADERS.items():
             self.send_header(name, value)

@@ -21,11 +21,12 @@ from taskspec_runner.live.arm import LiveArm
 from taskspec_runner.live.channel import Channel
 from taskspec_runner.live.page import LAST, at_end, judging, live_charts, live_page, so_far
 from taskspec_runner.live.server import PageServer
+from taskspec_runner.live.sliders import SET, Sliders
 from taskspec_runner.loop.assembly import Assembly
 from taskspec_runner.loop.driven import Driven
 from taskspec_runner.loop.tap import ticks_between
 from taskspec_runner.record.bus import Bus
-from taskspec_runner.record.layout import LogLayout, stage_names
+from taskspec_runner.record.layout import LogLayout, param_column, stage_names
 from taskspec_runner.record.recorder import Recorder
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judge import judge_run
@@ -63,6 +64,7 @@ class WatchedRun:
     Attributes:
         rate: rows in a second of simulated time [Hz].
         server: of the page.
+        sliders: that set the live params of the task; None where it has none.
     """
 
     rate = RATE
@@ -98,7 +100,10 @@ class WatchedRun:
         self._expected_until = self._judged_next = 0.0
         #: Wall clock and simulated time of the ticks that were sent last.
         self._recent: deque[tuple[float, float]] = deque()
-        self.server = PageServer({"": self._page}, self._channel, port=port)
+        live = program.context.loaded.task.live
+        self.sliders = Sliders(live, program.context.period) if live else None
+        takes = {} if self.sliders is None else {SET: self.sliders.request}
+        self.server = PageServer({"": self._page}, self._channel, takes=takes, port=port)
 
     def __enter__(self) -> Self:
         return self
@@ -144,6 +149,9 @@ class WatchedRun:
     def finish(self) -> None:
         """Learns that no more ticks will come."""
         self._runs = False
+        if self.sliders is not None:
+            self.sliders.finish()
+            self._channel.send("closed", {})
         self._channel.send("verdict", judging())
 
     def end(self, run: Run) -> None:
@@ -191,8 +199,19 @@ class WatchedRun:
             self._recent.popleft()
         wall, clock = (b - a for a, b in zip(self._recent[0], last, strict=True))
         speed = f"{clock / wall:.2g} × real time" if wall > 0 else "–"
-        self._channel.send("rows", {"rows": rows, "speed": speed}, passes=True)
+        message: dict[str, Any] = {"rows": rows, "speed": speed}
+        if self.sliders is not None:
+            message["live"] = self._live(looks[-1], self.sliders)
+        self._channel.send("rows", message, passes=True)
         return True
+
+    def _live(self, look: _Look, sliders: Sliders) -> dict[str, tuple[float, float]]:
+        """Value of each live param in a tick, and what it goes to [SI]."""
+        columns = self._layout.columns(look.row[np.newaxis])
+        return {
+            name: (float(columns[param_column(name)][0][0]), target)
+            for name, target in sliders.targets.items()
+        }
 
     def _taken(self) -> Iterator[_Look]:
         while self._looks:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from taskspec.deferred_methods import dataclass
 from taskspec.expression import ExpressionError, FloatAlgebra, Scope, ScopeKind, check, evaluate
@@ -16,6 +17,8 @@ from taskspec.spec.params import slots_of
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import TIME, Dimension, describe, fitting, show, si_unit
 from taskspec_runner.errors import InputError
+from taskspec_runner.record.folder import is_manifest, read_json
+from taskspec_runner.record.names import MANIFEST
 
 _FORM = "such as 'press = 8 N @ 1 s'"
 #: Of a period: a time that is so little before a tick is that of the tick.
@@ -153,9 +156,26 @@ class LiveSchedule:
 def scheduled(lines: Sequence[str], task: Task, period: float) -> LiveSchedule | None:
     """The schedule of some lines; None where there are none.
 
+    Args:
+        lines: each a move, or the folder of a run whose moves are to be made again.
+        task: that has the params.
+        period: of control [s].
+
     Raises:
-        InputError: as `read_move`.
+        InputError: as `read_move`, or a run has kept no moves.
     """
     if not lines:
         return None
-    return LiveSchedule([read_move(line, task) for line in lines], period)
+    known = [each for line in lines for each in ([line] if "=" in line else _kept(line))]
+    return LiveSchedule([read_move(each, task) for each in known], period)
+
+
+def _kept(folder: str) -> list[str]:
+    """The lines of a run's folder."""
+    path = Path(folder) / MANIFEST
+    if not is_manifest(path):
+        raise InputError(f"--live {folder!r} is neither the folder of a run nor a move, {_FORM}")
+    found = read_json(path).get("live")
+    if not isinstance(found, list) or not all(isinstance(line, str) for line in found):
+        raise InputError(f"--live {folder!r}: no live params were set in that run")
+    return found

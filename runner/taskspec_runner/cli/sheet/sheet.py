@@ -13,6 +13,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
 from taskspec_runner.cli.sheet.collisions import collision_rows
 from taskspec_runner.cli.sheet.defaults import default_rows
+from taskspec_runner.cli.sheet.live import LiveRow, live_rows
 from taskspec_runner.cli.sheet.objects import object_rows
 from taskspec_runner.cli.sheet.stability import StabilitySheet, stability_sheet
 from taskspec_runner.cli.sheet.stage import (
@@ -36,6 +37,7 @@ class Sheet:
     Attributes:
         name, about: of the task.
         robot, world, defaults: pairs of a name and what it is.
+        live: params that may be set while a stage runs.
         frames: all of them.
         stages: in order, with their poles and bounds where they touch or hold something.
         expected: expectations as written, and what the trial made of each; empty without one.
@@ -47,6 +49,7 @@ class Sheet:
     about: str
     robot: Pairs
     world: Pairs
+    live: tuple[LiveRow, ...]
     frames: tuple[FrameRow, ...]
     stages: tuple[tuple[StageSheet, StabilitySheet | None], ...]
     expected: Pairs
@@ -87,6 +90,7 @@ def sheet(
         about=task.about or "",
         robot=(*robot_rows(program), *collision_rows(program)),
         world=tuple(object_rows(program)),
+        live=live_rows(task),
         frames=frame_rows(program),
         stages=stages,
         expected=expected,
@@ -103,6 +107,7 @@ def as_data(made: Sheet) -> dict[str, Any]:
         "about": made.about,
         "robot": _named(made.robot),
         "world": dict(made.world),
+        "live": {r.name: {**r.numbers, "unit": r.unit} for r in made.live},
         "frames": [asdict(frame) for frame in made.frames],
         "trial": None if made.trial is None else _trial(made.trial) | {"how": made.how},
         "stages": [
