@@ -103,16 +103,18 @@ class Setting:
         mobility: of the tool, as MuJoCo counts it [1/kg].
         period: step of the plant [s].
         ratio: how much stiffer friction is against a slip.
+        firm: whether friction creeps as little as it may, whatever the damping is.
     """
 
     mobility: float
     period: float
     ratio: float
+    firm: bool
 
     @classmethod
-    def of(cls, task: Task, mobility: float) -> Setting:
+    def of(cls, task: Task, mobility: float, *, firm: bool) -> Setting:
         """That of a task."""
-        return cls(mobility, 1.0 / task.control.plant_rate, friction_ratio(task))
+        return cls(mobility, 1.0 / task.control.plant_rate, friction_ratio(task), firm)
 
     def force(self, shape: Shape, depth: Vector, n: Vector, v: Vector, a: Vector) -> Vector:
         """(k, 3) on the tool, for depths (k,) [m], normals, velocities, accelerations (k, 3)."""
@@ -124,7 +126,8 @@ class Setting:
         if shape.friction == 0:
             return np.asarray(np.maximum(normal, 0.0)[:, None] * n)
         mu = max(shape.friction, LEAST_FRICTION)
-        rate = settling_rate(max(b, 0.0), self.mobility, self.period)
+        damping = np.inf if self.firm else max(b, 0.0)
+        rate = settling_rate(damping, self.mobility, self.period)
         across = (
             -self.ratio
             * m

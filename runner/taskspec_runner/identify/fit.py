@@ -19,6 +19,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.rotation import from_rpy
 from taskspec.program.program import Program
 from taskspec.program.sensor import SensorModel
+from taskspec.program.world.stiffness import settled_damping
 from taskspec.spec import Task
 from taskspec.spec.robot import Payload
 from taskspec_runner.identify.joints import Joints
@@ -44,6 +45,8 @@ WEAK = 3.0
 #: With so many times the deviation for what the file says, what logs decide changes by no more.
 _WEAKER, _BY_LOGS = 10.0, 1.1
 _MOST_STEPS, _FEW_STEPS = 60, 12
+#: Delays for which least squares are made, and how far above a bend a damping starts, as a multiple.
+_MOST_DELAYS, _ABOVE = 6, 1.3
 #: Steps that are this share of the deviations end the iterations.
 _SMALL = 1e-3
 #: Of a parameter's scale, by which differences are taken.
@@ -491,7 +494,11 @@ class _Search:
             self._descended(taken, (JOINT,), last=True)
 
     def contacts(self, progress: Callable[[str], None]) -> None:
-        """What the sensor says."""
+        """What the sensor says.
+
+        As friction creeps by the damping, which seems negative while the delay is wrong, it is
+        taken to be firm until all else is there.
+        """
         words: tuple[str, ...] = ()
         both = self.problem.weighed
         for number, stage in enumerate((*_STAGES, ("payload",) if both else ())):
@@ -503,13 +510,50 @@ class _Search:
             of = (WRENCH, JOINT) if both and last else (WRENCH,)
             if last:
                 self._turns()
-            for _ in range(6):
-                progress("contact")
-                self._descended(taken, of, last=last)
-                best = self._best_delay(taken)
-                if best == self.ticks:
-                    break
-                self.ticks = best
+            for log in self.problem.logs:
+                log.firm = not last
+            progress("contact")
+            self._with_delays(taken, of, last=last)
+            if last:
+                self._firmer(taken, of)
+
+    def _with_delays(self, taken: Mask, of: Sequence[str], *, last: bool) -> None:
+        """Least squares with the delay that leaves least, of those that they lead to in turn."""
+        tried: dict[int, tuple[float, Vector]] = {}
+        while self.ticks not in tried and len(tried) < _MOST_DELAYS:
+            self._descended(taken, of, last=last)
+            tried[self.ticks] = self._cost(of), self.values
+            self.ticks = self._best_delay(taken)
+        self.ticks = min(tried, key=lambda ticks: tried[ticks][0])
+        self.values = tried[self.ticks][1]
+
+    def _firmer(self, taken: Mask, of: Sequence[str]) -> None:
+        """Leaves dampings that are held by the bend where friction comes to creep, if others fit better.
+
+        Below it a small change of the damping changes friction much, above it not at all.
+        """
+        problem, period = self.problem, 1.0 / self.problem.task(self.values).control.plant_rate
+        for i, parameter in enumerate(problem.continuous):
+            bend = settled_damping(problem.mobility(problem.task(self.values)), period)
+            contact = parameter.path.startswith("world.") and parameter.path.endswith(".damping")
+            if contact and taken[i] and self.values[i] < bend:
+                before = self._cost(of), self.values, self.ticks
+                self.values = self.values.copy()
+                self.values[i] = _ABOVE * bend
+                self._with_delays(taken, of, last=True)
+                if self._cost(of) > before[0]:
+                    _, self.values, self.ticks = before
+
+    def _cost(self, of: Sequence[str]) -> float:
+        """-log of the likelihood, with the noise that suits best, and of what the file says."""
+        problem = self.problem
+        blocks = problem.blocks(self.values, self.delay, of=of)
+        total = 0.0
+        for block, noises in zip(blocks, noises_of(blocks), strict=True):
+            # Every delay is judged by as many ticks.
+            total += len(block.rows) * sum(np.log(n.deviation) for n in noises if n is not None)
+        home = (problem.declared - self.values) / problem.scales
+        return total + float(home @ home) / (2 * WEAK**2)
 
     def _turns(self) -> None:
         """Finds out whether sensors turn with the tool, of which files do not say so."""

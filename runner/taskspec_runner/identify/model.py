@@ -48,6 +48,7 @@ class LogModel:
         open: whether the file does not say that the sensor turns with the tool.
         turns: whether it is taken to: each reading is then turned into the world with the tool's
             axes of the tick, else with those of the step that it comes from.
+        firm: whether friction is taken to creep as little as it may, whatever the damping is.
     """
 
     def __init__(self, program: Program, history: History, name: str) -> None:
@@ -76,6 +77,7 @@ class LogModel:
         stages = task.stages.values()
         self.open = task.robot.sensor == Sensor() and not any(each.tare for each in stages)
         self.turns = not self.open
+        self.firm = False
 
     @property
     def ticks(self) -> int:
@@ -105,7 +107,7 @@ class LogModel:
 
     def contact(self, name: str, task: Task, mobility: float) -> Vector:
         """(ticks, 6) what one shape exerts on the tip, world axes [N, N m]."""
-        setting, shape = Setting.of(task, mobility), task.shapes[name]
+        setting, shape = Setting.of(task, mobility, firm=self.firm), task.shapes[name]
         if name not in self._near:
             d, _ = self._contacts[name].surroundings(self._center, shape)
             self._near[name] = np.flatnonzero(d < self._radius + _NEAR)
