@@ -44,11 +44,13 @@ KNOWN = 0.3
 WEAK = 3.0
 #: With so many times the deviation for what the file says, what logs decide changes by no more.
 _WEAKER, _BY_LOGS = 10.0, 1.1
-_MOST_STEPS, _FEW_STEPS = 60, 12
+_MOST_STEPS, _FEW_STEPS, _FEWER_STEPS = 60, 12, 4
 #: Delays for which least squares are made, and how far above a bend a damping starts, as a multiple.
 _MOST_DELAYS, _ABOVE = 6, 1.3
 #: Steps that are this share of the deviations end the iterations.
-_SMALL = 1e-3
+_SMALL = 1e-2
+#: Ticks by which all delays that are as near are tried, where far ones are not, and where they are.
+_NEAR_DELAYS = 2, 8
 #: Of a parameter's scale, by which differences are taken.
 _DIFFERENCE = 1e-6
 #: What changes readings by less than this share of the largest is a matter of their last digits.
@@ -267,9 +269,9 @@ class LogProblem:
             if parameter.path != BIAS and by[i] and heeded:
                 step = _DIFFERENCE * max(self.scales[i], abs(values[i]))
                 changed = self._but(task, values, i, values[i] + step)
-                other = self._changed(log, changed, task, total, contacts, own, parameter)
-                if other is not None:
-                    slopes[rows[i]] = self._heeded((other - alone) / step, i, alone)
+                change = self._change(log, changed, task, total, contacts, own, parameter)
+                if change is not None:
+                    slopes[rows[i]] = self._heeded(change / step, i, alone)
         readings = log.readings
         present = np.isfinite(readings)
         late = SensorModel.of(task.robot.sensor, log.period)
@@ -292,8 +294,9 @@ class LogProblem:
             if i < len(self.continuous) and self.continuous[i].path.startswith(OF_JOINTS):
                 step = _DIFFERENCE * max(self.scales[i], abs(values[i]))
                 other = log.world(self._but(task, values, int(i), values[i] + step))
-                change = log.accelerated(other, sliding) - accelerated
-                slope = (metric @ (change / step)[..., None])[..., 0]
+                # H da = dk - dH a, in the rows of joints that slide; others are not there.
+                change = ((other[0] - world[0]) / step @ accelerated[..., None])[..., 0]
+                slope = (other[1] - world[1]) / step - change
                 slopes[row] = self._heeded(slope, int(i), log.exerted)
         predicted = log.exerted - log.left(metric, accelerated)
         there = np.ones_like(predicted, dtype=bool) if sliding is None else sliding
@@ -315,7 +318,7 @@ class LogProblem:
         nominal = np.any(self.program.context.loaded.task.robot.joint_friction)
         return bool(nominal) or any(p.path == "robot.joint_friction" for p in self.continuous)
 
-    def _changed(
+    def _change(
         self,
         log: LogModel,
         changed: Task,
@@ -325,18 +328,23 @@ class LogProblem:
         own: Vector,
         parameter: Parameter,
     ) -> Vector | None:
-        """(ticks, 6) readings with one parameter changed; None where they are the same."""
+        """(ticks, 6) by how much readings change with one parameter; None where they do not.
+
+        They are linear in what the sensor measures.
+        """
         tool = self.mobility(changed)
         if parameter.path.startswith("world."):
             owner = owner_of(parameter)
             difference = log.contact(owner, changed, tool) - contacts[owner]
             if not difference.any():
                 return None
-            return log.shown(log.own(total + difference, task), task)
+            return log.passed(log.turned(difference), task)
         if parameter.path.startswith(PAYLOAD):
             moved = sum(log.contacts(task, tool).values(), np.zeros((log.ticks, 6)))
-            return log.shown(log.own(moved, changed), changed)
-        return log.shown(own, changed) if parameter.path == FILTER else None
+            return log.passed(log.own(moved, changed) - own, task)
+        if parameter.path == FILTER:
+            return log.passed(own, changed) - log.passed(own, task)
+        return None
 
     def _constants(self, number: int, log: LogModel) -> list[tuple[int, Vector]]:
         """What adds up: the bias before the first tare, and the zeros after each."""
@@ -504,9 +512,9 @@ class _Search:
         for number, stage in enumerate((*_STAGES, ("payload",) if both else ())):
             words = (*words, *stage)
             taken = self.problem.taken(words, zeros=True)
-            if not both:
-                taken &= ~self.problem.taken(OF_JOINTS, zeros=False)
             last = number == len(_STAGES)
+            if not (both and last):
+                taken &= ~self.problem.taken(OF_JOINTS, zeros=False)
             of = (WRENCH, JOINT) if both and last else (WRENCH,)
             if last:
                 self._turns()
@@ -521,9 +529,10 @@ class _Search:
         """Least squares with the delay that leaves least, of those that they lead to in turn."""
         tried: dict[int, tuple[float, Vector]] = {}
         while self.ticks not in tried and len(tried) < _MOST_DELAYS:
-            self._descended(taken, of, last=last)
+            self._descended(taken, of, last=last, most=_FEWER_STEPS if tried else _FEW_STEPS)
             tried[self.ticks] = self._cost(of), self.values
-            self.ticks = self._best_delay(taken)
+            if self.problem.delay is not None:
+                self._go(self._profile(taken, far=not last), taken)
         self.ticks = min(tried, key=lambda ticks: tried[ticks][0])
         self.values = tried[self.ticks][1]
 
@@ -577,7 +586,7 @@ class _Search:
         delays: tuple[int, ...] = ()
         if problem.delay is not None:
             taken = ~problem.taken(OF_JOINTS, zeros=False)
-            left = self._profile(taken)
+            left = {d: x for d, (x, _) in self._profile(taken, far=True).items()}
             delays = tuple(d for d, x in left.items() if x < left[self.ticks] + 2.71)
         return Fit(
             problem, self.values, self.ticks if delays else None, M, tuple(blocks), noises,
@@ -644,14 +653,27 @@ class _Search:
             move[free], deviations[free] = step(M[np.ix_(free, free)], g[free], home[free], damping)
         return move, deviations
 
-    def _best_delay(self, taken: Mask) -> int:
-        if self.problem.delay is None:
-            return self.ticks
-        left = self._profile(taken)
-        return min(left, key=lambda ticks: left[ticks])
+    def _go(self, profile: dict[int, tuple[float, Vector]], taken: Mask) -> None:
+        """To the delay that leaves least, and there to the values that follow."""
+        best = min(profile, key=lambda ticks: profile[ticks][0])
+        if best != self.ticks:
+            problem, move = self.problem, profile[best][1]
+            made = self.values.copy()
+            made[taken] = np.maximum(
+                made[taken] + problem.scales[taken] * move, problem.least[taken]
+            )
+            self.ticks, self.values = best, made
 
-    def _profile(self, taken: Mask) -> dict[int, float]:
-        """Sums of squares that are left with other delays, the parameters following linearly."""
+    def _profile(self, taken: Mask, *, far: bool) -> dict[int, tuple[float, Vector]]:
+        """What is left with other delays, to which parameters follow linearly.
+
+        Returns:
+            Of each delay the sum of squares, and the step of the parameters, in scales.
+
+        Args:
+            taken: (p,) which parameters follow.
+            far: whether all delays are tried, or only those near the present one.
+        """
         problem, scales = self.problem, self.problem.scales[taken]
         blocks = problem.blocks(self.values, self.delay, by=taken, of=(WRENCH,))
         home = ((problem.declared - self.values) / problem.scales)[taken]
@@ -667,8 +689,8 @@ class _Search:
                     rows = np.flatnonzero(noise.usable(inner[:, i]))
                     measured = noise.whitened(np.nan_to_num(block.measured[:, i]))
                     channels.append((rows, measured, noise.whitened(columns)))
-        found: dict[int, float] = {}
-        for other in self._tried(most):
+        found: dict[int, tuple[float, Vector]] = {}
+        for other in self._tried(most, far=far):
             late = other - self.ticks
             M, g, total = np.zeros((len(scales),) * 2), np.zeros(len(scales)), 0.0
             for rows, measured, columns in channels:
@@ -676,15 +698,16 @@ class _Search:
                 e, J = measured[rows] - part[:, 0], part[:, 1:] * scales
                 M, g, total = M + J.T @ J, g + J.T @ e, total + float(e @ e)
             move, _ = step(M, g, home)
-            found[other] = total - 2 * float(g @ move) + float(move @ M @ move)
+            found[other] = total - 2 * float(g @ move) + float(move @ M @ move), move
         return found
 
-    def _tried(self, most: int) -> list[int]:
+    def _tried(self, most: int, *, far: bool) -> list[int]:
         """Delays that are tried: all near the present one, ever fewer farther away."""
-        near = range(max(self.ticks - 8, 0), self.ticks + 9)
-        away = {round(8 * 1.3**i) for i in range(30)}
-        far = {t for d in away for t in (self.ticks - d, self.ticks + d) if 0 <= t <= most}
-        return sorted({*near, *far})
+        width = _NEAR_DELAYS[far]
+        near = range(max(self.ticks - width, 0), self.ticks + width + 1)
+        away = {round(width * 1.3**i) for i in range(30)} if far else set()
+        others = {t for d in away for t in (self.ticks - d, self.ticks + d) if 0 <= t <= most}
+        return sorted({*near, *others})
 
 
 def step(M: Vector, g: Vector, home: Vector, damping: float = 0.0) -> tuple[Vector, Vector]:

@@ -12,7 +12,7 @@ from taskspec.program.program import Program
 from taskspec.program.sensor import SensorModel
 from taskspec.robot.rebuild import GRAVITY
 from taskspec.spec import Sensor, Task
-from taskspec_runner.identify.contact import BallContact, Setting
+from taskspec_runner.identify.contact import BallContact, Setting, Touching
 from taskspec_runner.identify.joints import Joints
 from taskspec_runner.identify.motion import Motion, Readings, motion_of
 from taskspec_runner.identify.parameters import identifiable
@@ -73,6 +73,7 @@ class LogModel:
         self._radius = float(tool.radii[0])
         self._into: dict[bool, Vector] = {}
         self._near: dict[str, NDArray[np.int64]] = {}
+        self._touching: dict[str, tuple[object, Touching]] = {}
         self._kept: dict[tuple[int, int, bool], Vector] = {}
         stages = task.stages.values()
         self.open = task.robot.sensor == Sensor() and not any(each.tare for each in stages)
@@ -111,9 +112,13 @@ class LogModel:
         if name not in self._near:
             d, _ = self._contacts[name].surroundings(self._center, shape)
             self._near[name] = np.flatnonzero(d < self._radius + _NEAR)
-        return self._contacts[name].wrench(
-            self.motion, self._center, self._radius, shape, setting, self._near[name]
-        )
+        place, touching = self._touching.get(name, (None, None))
+        if touching is None or place != (shape.xyz, shape.rpy):
+            touching = self._contacts[name].touching(
+                self.motion, self._center, self._radius, shape, self._near[name]
+            )
+            self._touching[name] = (shape.xyz, shape.rpy), touching
+        return touching.wrench(shape, setting)
 
     def touch(self, name: str, task: Task) -> tuple[Vector, Vector, Vector]:
         """(k,) heights of the ball above a shape, (k,) forces along its normal, (k, 3) normals."""
@@ -171,7 +176,15 @@ class LogModel:
             load = task.robot.payload
             if load is not None and load.mass:
                 total = total + self.hanging(load.mass, np.array(load.xyz))
-        return turned_rows(self.motion.R.transpose(0, 2, 1), total)
+        return self.turned(total)
+
+    def turned(self, wrench: Vector) -> Vector:
+        """(ticks, 6) wrenches of world axes in the sensor's own."""
+        return turned_rows(self.motion.R.transpose(0, 2, 1), wrench)
+
+    def passed(self, own: Vector, task: Task) -> Vector:
+        """(ticks, 6) what the log has of wrenches in the sensor's own axes, without weight."""
+        return self.logged(readings(own, SensorModel.of(task.robot.sensor, self.period)))
 
     def shown(self, own: Vector, task: Task) -> Vector:
         """(ticks, 6) the readings in the log's axes; bias and zero are not in them."""
