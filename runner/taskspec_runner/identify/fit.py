@@ -20,6 +20,7 @@ from taskspec.geometry.rotation import from_rpy
 from taskspec.program.program import Program
 from taskspec.program.sensor import SensorModel
 from taskspec.program.world.stiffness import settled_damping
+from taskspec.shapes.overlap import LEAST_FRICTION
 from taskspec.spec import Task
 from taskspec.spec.robot import Payload
 from taskspec_runner.identify.joints import Joints
@@ -45,7 +46,7 @@ WEAK = 3.0
 #: With so many times the deviation for what the file says, what logs decide changes by no more.
 _WEAKER, _BY_LOGS = 10.0, 1.1
 _MOST_STEPS, _FEW_STEPS, _FEWER_STEPS = 60, 12, 4
-#: Delays for which least squares are made, and how far above a bend a damping starts, as a multiple.
+#: Delays for which least squares are made; of a bend, where a damping above it starts.
 _MOST_DELAYS, _ABOVE = 6, 1.3
 #: Steps that are this share of the deviations end the iterations.
 _SMALL = 1e-2
@@ -155,7 +156,10 @@ class LogProblem:
         for i, parameter in enumerate(self.continuous):
             if parameter.path.endswith(".stiffness"):
                 found[i] = max(1e-3 * abs(parameter.declared), 1.0)
-            elif parameter.path.endswith(".friction") or parameter.path == FILTER:
+            elif parameter.path.endswith(".friction"):
+                # Less is as good as none, and changes nothing.
+                found[i] = LEAST_FRICTION
+            elif parameter.path == FILTER:
                 found[i] = 0.0
         return found
 
@@ -269,7 +273,7 @@ class LogProblem:
             if parameter.path != BIAS and by[i] and heeded:
                 step = _DIFFERENCE * max(self.scales[i], abs(values[i]))
                 changed = self._but(task, values, i, values[i] + step)
-                change = self._change(log, changed, task, total, contacts, own, parameter)
+                change = self._change(log, changed, task, contacts, own, parameter)
                 if change is not None:
                     slopes[rows[i]] = self._heeded(change / step, i, alone)
         readings = log.readings
@@ -323,7 +327,6 @@ class LogProblem:
         log: LogModel,
         changed: Task,
         task: Task,
-        total: Vector,
         contacts: dict[str, Vector],
         own: Vector,
         parameter: Parameter,
@@ -384,6 +387,7 @@ class Fit:
         blocks: at the values.
         noises: of each block, by channel.
         freedom: ticks and channels, less parameters.
+        beyond: (p,) how much beyond its bound a value that is at it would fit best; else 0.
         delays: ticks that are not much less likely than `delay`.
     """
 
@@ -394,6 +398,7 @@ class Fit:
     blocks: tuple[Block, ...]
     noises: tuple[tuple[ChannelNoise | None, ...], ...]
     freedom: int
+    beyond: Vector
     delays: tuple[int, ...] = ()
 
     def posterior(self, weak: float = WEAK) -> tuple[Vector, Vector]:
@@ -537,7 +542,7 @@ class _Search:
         self.values = tried[self.ticks][1]
 
     def _firmer(self, taken: Mask, of: Sequence[str]) -> None:
-        """Leaves dampings that are held by the bend where friction comes to creep, if others fit better.
+        """Tries dampings from above the bend where friction comes to creep.
 
         Below it a small change of the damping changes friction much, above it not at all.
         """
@@ -582,7 +587,11 @@ class _Search:
         every = np.ones(len(problem.scales), dtype=bool)
         blocks = problem.blocks(self.values, self.delay, by=every)
         noises = noises_of(blocks)
-        M, _, _, count = normal_equations(blocks, noises, problem.scales)
+        M, g, _, count = normal_equations(blocks, noises, problem.scales)
+        home = (problem.declared - self.values) / problem.scales
+        move, _ = step(M, g, home)
+        held = (self.values <= problem.least) & (move < 0)
+        beyond = np.where(held, move * problem.scales, 0.0)
         delays: tuple[int, ...] = ()
         if problem.delay is not None:
             taken = ~problem.taken(OF_JOINTS, zeros=False)
@@ -590,7 +599,7 @@ class _Search:
             delays = tuple(d for d, x in left.items() if x < left[self.ticks] + 2.71)
         return Fit(
             problem, self.values, self.ticks if delays else None, M, tuple(blocks), noises,
-            count - len(problem.scales), delays,
+            count - len(problem.scales), beyond, delays,
         )  # fmt: skip
 
     def _descended(
