@@ -9,7 +9,7 @@ share of the scales, stays as the file has it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -50,6 +50,9 @@ _MOST_STEPS, _FEW_STEPS, _FEWER_STEPS = 60, 12, 4
 _MOST_DELAYS, _ABOVE = 6, 1.3
 #: Steps that are this share of the deviations end the iterations.
 _SMALL = 1e-2
+#: Touches of a log that are tried to begin at other ticks, by how much of a tick's way they then
+#: are beyond, and by how much less has to be left there.
+_MOST_TOUCHES, _OVER, _WORTHWHILE = 4, 0.05, 4.0
 #: Ticks by which all delays that are as near are tried, where far ones are not, and where they are.
 _NEAR_DELAYS = 2, 8
 #: Of a parameter's scale, by which differences are taken.
@@ -187,7 +190,7 @@ class LogProblem:
             by[row] = values[number]
         return placed(task, name, by) if by.any() else task
 
-    def _but(self, task: Task, values: Vector, number: int, value: float) -> Task:
+    def but(self, task: Task, values: Vector, number: int, value: float) -> Task:
         """The world of some values, with one of them changed."""
         parameter = self.continuous[number]
         if not parameter.moves:
@@ -272,7 +275,7 @@ class LogProblem:
             heeded = self.weighed or not parameter.path.startswith(PAYLOAD)
             if parameter.path != BIAS and by[i] and heeded:
                 step = _DIFFERENCE * max(self.scales[i], abs(values[i]))
-                changed = self._but(task, values, i, values[i] + step)
+                changed = self.but(task, values, i, values[i] + step)
                 change = self._change(log, changed, task, contacts, own, parameter)
                 if change is not None:
                     slopes[rows[i]] = self._heeded(change / step, i, alone)
@@ -297,7 +300,7 @@ class LogProblem:
         for row, i in enumerate(np.flatnonzero(by)):
             if i < len(self.continuous) and self.continuous[i].path.startswith(OF_JOINTS):
                 step = _DIFFERENCE * max(self.scales[i], abs(values[i]))
-                other = log.world(self._but(task, values, int(i), values[i] + step))
+                other = log.world(self.but(task, values, int(i), values[i] + step))
                 # H da = dk - dH a, in the rows of joints that slide; others are not there.
                 change = ((other[0] - world[0]) / step @ accelerated[..., None])[..., 0]
                 slope = (other[1] - world[1]) / step - change
@@ -529,6 +532,8 @@ class _Search:
             self._with_delays(taken, of, last=last)
             if last:
                 self._firmer(taken, of)
+            elif number:
+                self._with_filters(taken, of)
 
     def _with_delays(self, taken: Mask, of: Sequence[str], *, last: bool) -> None:
         """Least squares with the delay that leaves least, of those that they lead to in turn."""
@@ -540,6 +545,75 @@ class _Search:
                 self._go(self._profile(taken, far=not last), taken)
         self.ticks = min(tried, key=lambda ticks: tried[ticks][0])
         self.values = tried[self.ticks][1]
+
+    def _with_filters(self, taken: Mask, of: Sequence[str]) -> None:
+        """Trades the filter's lag for ticks of delay, as long as that fits better.
+
+        Both come late alike, so it is a valley with a bend, which nothing linear sees across.
+        """
+        problem, period = self.problem, self.problem.period
+        lag = [i for i, p in enumerate(problem.continuous) if p.path == FILTER and taken[i]]
+        self._aside(taken, of)
+        best = self._cost(of)
+        for way in (-1, 1) if lag and problem.delay is not None else ():
+            while self.ticks + way >= 0:
+                before = self.values, self.ticks
+                self.values, self.ticks = self.values.copy(), self.ticks + way
+                self.values[lag] = np.maximum(self.values[lag] - way * period, 0.0)
+                self._descended(taken, of, last=False, most=_FEWER_STEPS)
+                self._aside(taken, of)
+                cost = self._cost(of)
+                if cost >= best:
+                    self.values, self.ticks = before
+                    break
+                best = cost
+
+    def _aside(self, taken: Mask, of: Sequence[str]) -> None:
+        """Lets touches begin a tick earlier or later, all else following, if that leaves less.
+
+        A touch that begins jumps, and no slope says what another tick for it would change.
+        """
+        problem = self.problem
+        blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
+        noises, scales = noises_of(blocks), problem.scales[taken]
+        M, _, left, _ = normal_equations(blocks, noises, scales)
+        covariance = np.linalg.inv(M + np.eye(len(M)) / WEAK**2)
+        best, start = left - _WORTHWHILE, self.values
+        for slope, moves in self._touches(taken):
+            along = covariance @ slope
+            for move in moves:
+                tried = self.values.copy()
+                tried[taken] += scales * along * (move / float(slope @ along))
+                tried = np.maximum(tried, problem.least)
+                other = problem.blocks(tried, self.delay, of=of)
+                total = normal_equations(other, noises, scales)[2]
+                if total < best:
+                    best, start = total, tried
+        if start is not self.values:
+            self.values = start
+            self._descended(taken, of, last=False)
+
+    def _touches(self, taken: Mask) -> Iterator[tuple[Vector, tuple[float, float]]]:
+        """Of each touch that begins the (taken,) slopes of the height there, and how it may change.
+
+        By the first of the two changes it begins a tick later, by the second a tick earlier [m].
+        """
+        problem = self.problem
+        task, places = problem.task(self.values), np.flatnonzero(taken)
+        for name, moving in problem.moving.items():
+            for log in problem.logs:
+                for row in log.begun(name, task)[:_MOST_TOUCHES]:
+                    before, after = log.heights(name, task, np.array([row - 1, row]))
+                    slope = np.zeros(len(places))
+                    for i in moving.values():
+                        if taken[i]:
+                            step = _DIFFERENCE * problem.scales[i]
+                            other = problem.but(task, self.values, i, self.values[i] + step)
+                            height = log.heights(name, other, np.array([row]))[0]
+                            slope[places == i] = (height - after) / _DIFFERENCE
+                    if slope.any():
+                        over = _OVER * (before - after)
+                        yield slope, (over - after, -over - before)
 
     def _firmer(self, taken: Mask, of: Sequence[str]) -> None:
         """Tries dampings from above the bend where friction comes to creep.

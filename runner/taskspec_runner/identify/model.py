@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from taskspec.program.program import Program
 from taskspec.program.sensor import SensorModel
 from taskspec.robot.rebuild import GRAVITY
-from taskspec.spec import Sensor, Task
+from taskspec.spec import Sensor, Shape, Task
 from taskspec_runner.identify.contact import BallContact, Setting, Touching
 from taskspec_runner.identify.joints import Joints
 from taskspec_runner.identify.motion import Motion, Readings, motion_of
@@ -108,7 +108,22 @@ class LogModel:
 
     def contact(self, name: str, task: Task, mobility: float) -> Vector:
         """(ticks, 6) what one shape exerts on the tip, world axes [N, N m]."""
-        setting, shape = Setting.of(task, mobility, firm=self.firm), task.shapes[name]
+        return self._touch(name, task.shapes[name]).wrench(
+            task.shapes[name], Setting.of(task, mobility, firm=self.firm)
+        )
+
+    def begun(self, name: str, task: Task) -> NDArray[np.int64]:
+        """The ticks at which the ball begins to touch a shape, but for the first of the log."""
+        rows = self._touch(name, task.shapes[name]).rows
+        return rows[(np.diff(rows, prepend=rows[:1]) != 1) & (rows > 0)]
+
+    def heights(self, name: str, task: Task, rows: NDArray[np.int64]) -> Vector:
+        """(k,) of the ball above a shape in some ticks [m]."""
+        d, _ = self._contacts[name].surroundings(self._center[rows], task.shapes[name])
+        return np.asarray(d - self._radius)
+
+    def _touch(self, name: str, shape: Shape) -> Touching:
+        """The ticks in which the ball touches a shape, kept for its last place."""
         if name not in self._near:
             d, _ = self._contacts[name].surroundings(self._center, shape)
             self._near[name] = np.flatnonzero(d < self._radius + _NEAR)
@@ -118,7 +133,7 @@ class LogModel:
                 self.motion, self._center, self._radius, shape, self._near[name]
             )
             self._touching[name] = (shape.xyz, shape.rpy), touching
-        return touching.wrench(shape, setting)
+        return touching
 
     def touch(self, name: str, task: Task) -> tuple[Vector, Vector, Vector]:
         """(k,) heights of the ball above a shape, (k,) forces along its normal, (k, 3) normals."""

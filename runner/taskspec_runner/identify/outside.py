@@ -132,7 +132,7 @@ class Outside:
         along = self._along(parameter)
         if parameter.path == FILTER:
             inside = float(self.inside[number])
-            ends = tuple(sorted(parameter.value(end) for end in ends))
+            ends = parameter.value(ends[1]), parameter.value(ends[0])
             value, declared = parameter.value(inside), parameter.value(declared)
             deviation = (min(ends[1], value) - ends[0]) / quantile
             if not math.isinf(ends[1]):
