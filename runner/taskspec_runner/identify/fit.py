@@ -539,7 +539,7 @@ class _Search:
         """Least squares with the delay that leaves least, of those that they lead to in turn."""
         tried: dict[int, tuple[float, Vector]] = {}
         while self.ticks not in tried and len(tried) < _MOST_DELAYS:
-            self._descended(taken, of, last=last, most=_FEWER_STEPS if tried else _FEW_STEPS)
+            self._descended(taken, of, last=last, most=_FEWER_STEPS if tried else _MOST_STEPS)
             tried[self.ticks] = self._cost(of), self.values
             if self.problem.delay is not None:
                 self._go(self._profile(taken, far=not last), taken)

@@ -35,6 +35,11 @@ _TOGETHER = 0.5
 #: Of a combination, what is smaller than this share of the largest is left out.
 _SMALL = 0.01
 LEVEL = 0.9
+#: Of how far a value may plausibly be off, what it is known to at best: logs without noise leave
+#: what iterations end at and differences miss.
+_ARITHMETIC = 1e-7
+#: Of a channel, what is left of it by arithmetic alone.
+_ROUNDED = 1e-6
 #: Residuals that are so many times as large as their noise are not noise alone.
 _SURPRISING = 1.25
 #: Of a tick, by which a delay is longer than those that are rounded up to the one before.
@@ -117,7 +122,7 @@ class Residual:
     @property
     def surprising(self) -> bool:
         """Whether noise does not explain it."""
-        return self.excess > _SURPRISING
+        return self.excess > _SURPRISING and self.rms > _ROUNDED * self.size
 
     def as_data(self) -> dict[str, Any]:
         """For `--format json`, in SI."""
@@ -252,7 +257,7 @@ def _identification(
     outside = Outside(problem, found, known)
     slopes = outside.slopes
     inside = (inverse * np.outer(scales, scales))[:count, :count]
-    covariance = slopes @ inside @ slopes.T
+    covariance = slopes @ inside @ slopes.T + np.diag((_ARITHMETIC * scales[:count]) ** 2)
     quantile = NormalDist().inv_cdf(0.5 + level / 2)
     estimates = []
     for i, parameter in enumerate(problem.continuous):

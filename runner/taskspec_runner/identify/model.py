@@ -115,7 +115,7 @@ class LogModel:
     def begun(self, name: str, task: Task) -> NDArray[np.int64]:
         """The ticks at which the ball begins to touch a shape, but for the first of the log."""
         rows = self._touch(name, task.shapes[name]).rows
-        return rows[(np.diff(rows, prepend=rows[:1]) != 1) & (rows > 0)]
+        return np.asarray(rows[(np.diff(rows, prepend=rows[:1]) != 1) & (rows > 0)])
 
     def heights(self, name: str, task: Task, rows: NDArray[np.int64]) -> Vector:
         """(k,) of the ball above a shape in some ticks [m]."""

@@ -109,8 +109,8 @@ def parameters_of(program: Program, what: Sequence[str] | None = None) -> tuple[
     if what is None:
         return found
     if not what:
-        names = ", ".join(dict.fromkeys(each.path for each in found))
-        raise InputError(f"--what names nothing; values that can be identified: {names}")
+        named = ", ".join(dict.fromkeys(each.path for each in found))
+        raise InputError(f"--what names nothing; values that can be identified: {named}")
     wanted = [_resolved(program, path) for path in what]
     for path, of in zip(what, wanted, strict=True):
         if not any(_names(of_path, each) for of_path in of for each in found):
