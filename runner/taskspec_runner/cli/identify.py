@@ -102,7 +102,7 @@ def _show(found: Identification) -> None:
     for line in _untold(found):
         show(Text(line, "yellow"))
     typer.echo(_left(found))
-    for line in _surprises(found):
+    for line in surprises(found):
         show(Text(line, "yellow"))
     for each in found.held_out:
         typer.echo(_held_out(each))
@@ -156,7 +156,7 @@ def _left(found: Identification) -> str:
     return f"left unexplained, rms: {', '.join(parts)}"
 
 
-def _surprises(found: Identification) -> Iterator[str]:
+def surprises(found: Identification) -> Iterator[str]:
     """A warning for each log that has more in it than the identified world and noise."""
     for log in dict.fromkeys(each.log for each in found.residuals):
         own = [each for each in found.residuals if each.log == log and each.surprising]

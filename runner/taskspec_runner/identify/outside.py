@@ -128,7 +128,7 @@ class Outside:
         """One value with its interval."""
         value, declared = float(self.values[number]), parameter.declared
         own = value if parameter.moves else float(self.inside[number] + self._beyond[number])
-        ends = _ends(own, deviation, quantile, parameter.least)
+        ends = interval(own, deviation, quantile, parameter.least)
         along = self._along(parameter)
         if parameter.path == FILTER:
             inside = float(self.inside[number])
@@ -147,7 +147,7 @@ class Outside:
         )  # fmt: skip
 
 
-def _ends(own: float, deviation: float, quantile: float, least: float) -> tuple[float, float]:
+def interval(own: float, deviation: float, quantile: float, least: float) -> tuple[float, float]:
     """The ends of an interval; from its bound on, if a value cannot be told from that.
 
     Then the likelihood counts for values that there may be, those from the bound on, and the
