@@ -45,11 +45,15 @@ KNOWN = 0.3
 WEAK = 3.0
 #: With so many times the deviation for what the file says, what logs decide changes by no more.
 _WEAKER, _BY_LOGS = 10.0, 1.1
-_MOST_STEPS, _FEW_STEPS, _FEWER_STEPS = 60, 12, 4
+_MOST_STEPS, _FEW_STEPS, _FEWER_STEPS = 25, 12, 4
 #: Delays for which least squares are made; of a bend, where a damping above it starts.
 _MOST_DELAYS, _ABOVE = 6, 1.3
 #: Steps that are this share of the deviations end the iterations.
 _SMALL = 1e-2
+#: Noise that differs by a smaller share is the same, and stays once steps are so many deviations.
+_SAME, _NEAR_END = 1e-2, 0.5
+#: So do steps by which the sum of squares, of unit size each, becomes smaller by less.
+_LITTLE = 1e-3
 #: Touches of a log that are tried to begin at other ticks, by how much of a tick's way they then
 #: are beyond, and by how much less has to be left there.
 _MOST_TOUCHES, _OVER, _WORTHWHILE = 4, 0.05, 4.0
@@ -341,7 +345,10 @@ class LogProblem:
         tool = self.mobility(changed)
         if parameter.path.startswith("world."):
             owner = owner_of(parameter)
-            difference = log.contact(owner, changed, tool) - contacts[owner]
+            after, before = log.contact(owner, changed, tool), contacts[owner]
+            # A touch that begins or ends within the difference is a jump, and no slope.
+            alike = after.any(axis=1) == before.any(axis=1)
+            difference = np.where(alike[:, None], after - before, 0.0)
             if not difference.any():
                 return None
             return log.passed(log.turned(difference), task)
@@ -706,7 +713,8 @@ class _Search:
                 other = problem.blocks(tried, self.delay, of=of)
                 _, _, after, _ = normal_equations(other, noises, scales)
                 away = ((problem.declared - tried) / problem.scales)[taken]
-                if after + float(away @ away) / WEAK**2 <= cost * (1 + 1e-12):
+                gain = cost - after - float(away @ away) / WEAK**2
+                if gain >= -1e-12 * cost:
                     improved = True
                     break
                 damping = max(damping * 10, 1e-4)
@@ -718,10 +726,12 @@ class _Search:
             blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
             renewed = noises_of(blocks, order)
             change = np.max(np.abs(move) / deviations, initial=0.0)
+            # Near the end noise stays, or its order may go to and fro without end.
             same = _alike(noises, renewed)
-            noises = renewed
+            if not (same and change < _NEAR_END):
+                noises = renewed
             damping = max(damping / 10, 1e-9)
-            if change < (_SMALL if last else 0.1) and same:
+            if (change < (_SMALL if last else 0.1) and same) or gain < _LITTLE:
                 return
 
     def _move(
@@ -814,7 +824,7 @@ def _alike(
 ) -> bool:
     for one, two in zip(before, after, strict=True):
         for a, b in zip(one, two, strict=True):
-            if a is not None and b is not None and abs(a.deviation / b.deviation - 1) > 1e-3:
+            if a is not None and b is not None and abs(a.deviation / b.deviation - 1) > _SAME:
                 return False
     return True
 
