@@ -377,6 +377,22 @@ def test_slow_steps_have_a_frame_rate_that_films_can_have(press: Path) -> None:
     assert gym.make(press, rate=0.1).metadata["render_fps"] == 1
 
 
+def test_a_param_may_have_the_name_of_a_stage(tmp_path: Path) -> None:
+    """An expectation of every tick compares with the param, which is no signal of the stage."""
+    path = tmp_path / "press.yaml"
+    every = "  held: slide.force.z within -press +- 11 N\nvary:"
+    text = PRESS.replace(
+        "  slide:\n", "  press: {axes: {z: {force: -press}}, time: 50 ms}\n  slide:\n"
+    )
+    path.write_text(text.replace("vary:", every), encoding="utf-8")
+    env = gym.make(path)
+    env.reset(seed=0)
+    over = False
+    while not over:
+        _, _, over, _, info = env.step(np.zeros(1))
+    assert info["expect"]["held: slide.force.z within -press +- 11 N"] is True
+
+
 def test_an_interval_of_another_dimension_is_refused(press: Path) -> None:
     with pytest.raises(SpecError) as found:
         gym.make(press, {"z": "force +- 5 mm"})
