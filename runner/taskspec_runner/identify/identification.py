@@ -17,7 +17,7 @@ from taskspec.program.program import Program
 from taskspec.spec import LoadedTask, Task
 from taskspec.text.units import Dimension, si_unit
 from taskspec_runner.identify.estimate import Estimate
-from taskspec_runner.identify.fit import KNOWN, Block, Fit, LogProblem, fit
+from taskspec_runner.identify.fit import KNOWN, Fit, LogProblem, fit
 from taskspec_runner.identify.held_out import Prediction, predictions
 from taskspec_runner.identify.logs import check_log, open_log
 from taskspec_runner.identify.model import LogModel
