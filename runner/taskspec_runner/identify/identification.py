@@ -17,7 +17,7 @@ from taskspec.program.program import Program
 from taskspec.spec import LoadedTask, Task
 from taskspec.text.units import Dimension, si_unit
 from taskspec_runner.identify.estimate import Estimate
-from taskspec_runner.identify.fit import KNOWN, Block, Fit, LogProblem, fit
+from taskspec_runner.identify.fit import KNOWN, Channels, Fit, LogProblem, fit
 from taskspec_runner.identify.logs import check_log, open_log
 from taskspec_runner.identify.model import LogModel
 from taskspec_runner.identify.outside import Outside
@@ -355,7 +355,7 @@ def _residuals(found: Fit) -> list[Residual]:
     return made
 
 
-def _channel(block: Block, i: int) -> str:
+def _channel(block: Channels, i: int) -> str:
     if block.of == "joint":
         return f"joint.{i + 1}.torque"
     return f"force.{'xyz'[i]}" if i < 3 else f"torque.{('rx', 'ry', 'rz')[i - 3]}"
