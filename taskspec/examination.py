@@ -7,7 +7,8 @@ axes and its contacts come in.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import taskspec.rules.all  # noqa: F401  (it registers the rules)
 from taskspec.examined import Examination
@@ -18,6 +19,7 @@ from taskspec.rules.finding import warning
 from taskspec.spec import FILE, LoadedTask
 from taskspec.text.codes import register
 from taskspec.text.diagnostic import Diagnostic, Diagnostics, SpecError
+from taskspec.text.units import Dimension, show
 
 IN_PART = "TS623"
 register({IN_PART: "a task that is checked in part"})
@@ -75,12 +77,41 @@ def examine(
 ) -> Examination:
     """The examination of a loaded task.
 
+    Where params may be set while a stage runs, the rules are also asked about the task with each of
+    them at either end of its interval, the others as declared.
+
     Args:
         loaded: the task.
         stability: whether to analyse the sampled loops of its stages too, unless there are errors
             already.
         bounds: beyond which the rest of it is left out, with a finding; None for all of it.
     """
+    found = _examined(loaded, stability, bounds)
+    if not loaded.task.live:
+        return found
+    diagnostics = Diagnostics(loaded.source.name)
+    diagnostics.extend(found.findings)
+    for name, value, dimension in _live_ends(loaded):
+        if bounds is not None and bounds.over:
+            break
+        there = f"at {name} = {show(value, dimension)}, which may be set, "
+        for each in _examined(loaded.where({name: value}), stability, bounds).findings:
+            if each.span is None or not diagnostics.covers((each.code,), each.span):
+                diagnostics.extend([replace(each, message=there + each.message)])
+    return replace(found, findings=diagnostics.sorted())
+
+
+def _live_ends(loaded: LoadedTask) -> Iterator[tuple[str, float, Dimension]]:
+    """The ends of the intervals of live params other than their declared values: name, value."""
+    for name, param in loaded.task.live.items():
+        for end in (param.low, param.high):
+            if end == param.value:
+                continue
+            yield name, end, param.dimension
+
+
+def _examined(loaded: LoadedTask, stability: bool, bounds: ExaminationBounds | None) -> Examination:
+    """The examination with all params as they are declared; see `examine`."""
     diagnostics = Diagnostics(loaded.source.name)
     diagnostics.extend(loaded.warnings)
     task = None

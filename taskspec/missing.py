@@ -11,6 +11,7 @@ DISTRIBUTION = "taskspec-robotics"
 EXTRAS = {
     "distributed": "dask",
     "fmpy": "fmu",
+    "gymnasium": "gym",
     "imageio_ffmpeg": "video",
     "mcap": "mcap",
     "osqp": "osqp",

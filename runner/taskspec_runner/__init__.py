@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Sequence
     from pathlib import Path
 
     from taskspec.spec import LoadedTask
@@ -29,6 +30,7 @@ def run(
     robot: str | CommandedRobot | None = None,
     lost: Literal["catch-up", "hold"] = "catch-up",
     stop_after: int = 20,
+    live: Sequence[str] = (),
 ) -> RunResult:
     """Runs a task in simulation, as `taskspec run` does.
 
@@ -48,6 +50,7 @@ def run(
             `seed` and `world` are not used.
         lost: what becomes of a sample of the robot that is lost; see docs/protocol.md.
         stop_after: how many in a row may be lost.
+        live: when live params are set to what, such as `press = 8 N @ 1 s`, as `--live` has it.
 
     Raises:
         SpecError: the task is refused, as `taskspec validate` finds it; it carries everything that
@@ -66,7 +69,7 @@ def run(
 
     folder = None if out is None else Path(out)
     if robot is not None:
-        return _run_on(robot, task, folder, (lost, stop_after), telemetry, report, force)
+        return _run_on(robot, task, folder, (lost, stop_after), telemetry, report, force, live)
     with sending(telemetry) as sink:
         return execute(
             task,
@@ -77,6 +80,7 @@ def run(
             telemetry=sink,
             force=force,
             loop=loop,
+            live=live,
         )
 
 
@@ -88,20 +92,25 @@ def _run_on(
     telemetry: str | None,
     report: bool,
     force: bool,
+    live: Sequence[str],
 ) -> RunResult:
     from taskspec.compiler import compile_task
     from taskspec_runner.link.found import open_robot
     from taskspec_runner.link.on_robot import LostPolicy, OnRobot
+    from taskspec_runner.loop.live_schedule import scheduled
     from taskspec_runner.loop.telemetry import sending
     from taskspec_runner.session import execute_program
 
     rule, program = LostPolicy(*policy), compile_task(task, force=force)
+    hand = scheduled(live, task.task, program.context.period)
     found = open_robot(robot) if isinstance(robot, str) else robot
     link = OnRobot(found, rule, robot if isinstance(robot, str) else type(robot).__name__)
     try:
         link.check(program)
         with sending(telemetry) as sink:
-            return execute_program(program, folder, report=report, telemetry=sink, link=link)
+            return execute_program(
+                program, folder, report=report, telemetry=sink, link=link, hand=hand
+            )
     finally:
         link.finish("the run was broken off")
 

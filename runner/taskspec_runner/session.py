@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from taskspec.compiler import compile_task
@@ -23,7 +23,9 @@ from taskspec_runner.loop.assembly import Assembly, assemble
 from taskspec_runner.loop.driven import Driven, TickSink
 from taskspec_runner.loop.fixed_step import PYTHON, STOPPED, Outcome, loop_wanted
 from taskspec_runner.loop.fixed_step import run as simulate
+from taskspec_runner.loop.hand import Hand
 from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
+from taskspec_runner.loop.live_schedule import scheduled
 from taskspec_runner.loop.tap import Spectator, Tap, ticks_between
 from taskspec_runner.loop.telemetry import Telemetry
 from taskspec_runner.record import manifest
@@ -75,6 +77,7 @@ def execute(
     force: bool = False,
     loop: str | None = None,
     link: Link | None = None,
+    live: Sequence[str] = (),
 ) -> RunResult:
     """Compiles a task, runs it and leaves the run's folder; see `execute_program`.
 
@@ -82,11 +85,13 @@ def execute(
         world: number of a random world of `vary` under the seed; None for the true one.
         force: whether findings are lifted behind which a program still compiles.
         loop, link: as in `execute_program`.
+        live: when live params are set to what, as `--live` has it.
 
     Raises:
         SpecError: the task is refused; no folder is made.
     """
     program = compile_task(loaded, force=force)
+    hand = scheduled(live, loaded.task, program.context.period)
     return execute_program(
         program,
         out,
@@ -96,6 +101,7 @@ def execute(
         telemetry=telemetry,
         loop=loop,
         link=link,
+        hand=hand,
     )
 
 
@@ -126,6 +132,7 @@ def execute_program(
     spectator: Spectator | None = None,
     loop: str | None = None,
     link: Link | None = None,
+    hand: Hand | None = None,
 ) -> RunResult:
     """Runs a compiled task and leaves the run's folder.
 
@@ -142,6 +149,7 @@ def execute_program(
             for machine code where there can be some.
         link: the robot that it runs on, or what serves its plant, for which Python runs all ticks;
             None for a plant in this process.
+        hand: sets live params while it goes on; None where nobody does.
 
     Raises:
         InputError: there is no native loop, and no other is wanted; or what the link is to is not
@@ -158,7 +166,7 @@ def execute_program(
             # Nobody knows what is true of it.
             world = World(program.context.loaded.task)
         world = true_world(program.context) if world is None else world
-        manner = _Manner(world, progress, report, telemetry, spectator, wanted, link)
+        manner = _Manner(world, progress, report, telemetry, spectator, wanted, link, hand)
         try:
             return _execute(program, out, manner)
         finally:
@@ -177,6 +185,7 @@ class _Manner:
     spectator: Spectator | None
     loop: str | None
     link: Link | None = None
+    hand: Hand | None = None
 
 
 def _execute(program: Program, out: Path | None, manner: _Manner) -> RunResult:
@@ -238,6 +247,7 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
         real_time_factor=outcome.clock / wall,
         loop=outcome.loop,
         why_python=outcome.why_python or None,
+        **({} if manner.hand is None else {"live": manner.hand.lines}),
     )
     run = RunResult.written(folder, program, content, summary, history)
     if manner.report:  # It needs what a run does not.
@@ -273,6 +283,7 @@ def _simulate(program: Program, folder: RunFolder, manner: _Manner) -> tuple[Sim
                 manner.loop,
                 parts.sensing,
                 parts.faults,
+                manner.hand,
                 to_rest=True,
             )
         except KeyboardInterrupt as error:

@@ -247,8 +247,9 @@ class Checker:
     def _frame(self, node: tree.Name, meaning: Meaning) -> None:
         assert node.frame is not None
         start, signal = node.end - len(node.frame), meaning.signal
-        if meaning.beside:
-            message = "a reference is in the frame of its stage"
+        if meaning.beside or self.scope.kind is ScopeKind.REWARD:
+            what = "a reference" if meaning.beside else "what a reward counts"
+            message = f"{what} is in the frame of its stage"
             self.problems.append(Problem("TS116", message, start, node.end, "leave out 'in'"))
         elif signal is None or not signal.framed:
             message = f"'{'.'.join(node.path)}' is the same in every frame"

@@ -46,6 +46,8 @@ class ScopeKind(StrEnum):
     """`until` and `fail_if`: also reducers over the stage so far, `for` a time, and visits."""
     EXPECT = "expect"
     """An expectation: also signals of one stage, and `for` a share of all ticks."""
+    REWARD = "reward"
+    """A reward: true signals of a tick and their references, each in the frame of its stage."""
 
 
 _COORDINATES = {ScopeKind.EQUATION: COORDINATES, ScopeKind.COUPLING: AXIS_COORDINATES}
@@ -70,7 +72,12 @@ class Scope:
     @property
     def measures(self) -> bool:
         """Whether measured signals exist here."""
-        return self.kind in (ScopeKind.REFERENCE, ScopeKind.GUARD, ScopeKind.EXPECT)
+        return self.judges or self.kind in (ScopeKind.REFERENCE, ScopeKind.GUARD)
+
+    @property
+    def judges(self) -> bool:
+        """Whether signals are true here, and have references."""
+        return self.kind in (ScopeKind.EXPECT, ScopeKind.REWARD)
 
     @property
     def clocks(self) -> tuple[str, ...]:
@@ -121,7 +128,7 @@ def resolve(path: tuple[str, ...], scope: Scope) -> Meaning | None:
     """
     head, rest = path[0], path[1:]
     if rest and head in scope.stages and scope.measures:
-        if rest == ("visits",):
+        if rest == ("visits",) and scope.kind is not ScopeKind.REWARD:
             return Meaning("visits", "visits", stage=head, signal=signals.STAGE["visits"])
         inner = _resolve_signal(rest, scope) if scope.kind is ScopeKind.EXPECT else None
         return replace(inner, stage=head) if inner else None
@@ -151,7 +158,7 @@ def coordinate(name: str) -> Dimension | None:
 
 def _resolve_signal(path: tuple[str, ...], scope: Scope) -> Meaning | None:
     vector, beside = VECTORS.get(path[0]), path[1] if len(path) == 2 else ""
-    expected = scope.kind is ScopeKind.EXPECT
+    expected = scope.judges
     if vector is not None and (
         len(path) == 1 or (beside == REFERENCE and beside in vector.beside and expected)
     ):

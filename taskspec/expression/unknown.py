@@ -137,7 +137,9 @@ def _in_stage(node: Name, scope: Scope, end: int) -> Problem:
             "only an expectation may ask for a signal of a named stage",
             node.start,
             end,
-            f"write '{'.'.join(rest)}' for this stage, or move it to 'expect'",
+            f"give the stage a rate of its own: rate: {{{node.path[0]}: ..}}"
+            if scope.kind is ScopeKind.REWARD
+            else f"write '{'.'.join(rest)}' for this stage, or move it to 'expect'",
         )
     start = node.start + len(node.path[0]) + 1
     return _signal(rest, start, end, scope, after_stage=True)

@@ -126,6 +126,9 @@ class StageClock(Protocol):
     def rate(self, expression: ca.SX) -> ca.SX:
         """Partial derivative by time."""
 
+    def apart(self, expression: ca.SX) -> tuple[ca.SX, ...]:
+        """The summands of an expression, where one of two follows from live params alone."""
+
 
 class StageSlots(Protocol):
     """Named numbers of a stage's functions."""

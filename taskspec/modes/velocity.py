@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import operator
+from collections.abc import Iterable, Iterator
+from functools import reduce
 from typing import TYPE_CHECKING
 
 from taskspec.deferred_methods import dataclass
@@ -22,6 +24,8 @@ from taskspec.motion import blend
 from taskspec.text.units import VELOCITY
 
 if TYPE_CHECKING:
+    import casadi as ca
+
     from taskspec.geometry.axis import Axis
 
 #: Times at which a velocity that has risen is the same [s]; no period divides both distances.
@@ -63,12 +67,17 @@ class Velocity(AxisMode):
         v is what the file gives, risen from nothing, so it is never larger than that. A step of
         the integral is v h + v' h^2/2 over a period h.
         """
-        speed = at.translate(self.velocity) * blend.ramp_shape(at.clock.t / blend.BLEND_TIME)
-        gain = at.clock.rate(speed)
+        shape = blend.ramp_shape(at.clock.t / blend.BLEND_TIME)
+        speeds = [speed * shape for speed in at.clock.apart(at.translate(self.velocity))]
+        gains = [at.clock.rate(speed) for speed in speeds]
         slot = f"travelled.{at.axis}"
         travelled = at.memory.add(slot)
-        step = speed * at.period + gain * (at.period**2 / 2)
-        return OwnReference(at.start + travelled, speed, gain, {slot: travelled + step})
+        step = _sum(
+            speed * at.period + gain * (at.period**2 / 2)
+            for speed, gain in zip(speeds, gains, strict=True)
+        )
+        reference = at.start + travelled
+        return OwnReference(reference, _sum(speeds), _sum(gains), {slot: travelled + step})
 
     def hand_over(self, at: StageStart) -> HandOver:
         """Its rate is taken up from the one that is handed over."""
@@ -95,3 +104,7 @@ class Velocity(AxisMode):
     def constraint(self, axis: Axis, rate: str, *, turns: bool) -> str:  # noqa: ARG002
         """The artificial constraint in words: the rate."""
         return f"{rate} = {self.velocity}"
+
+
+def _sum(parts: Iterable[ca.SX]) -> ca.SX:
+    return reduce(operator.add, parts)

@@ -6,6 +6,8 @@ import itertools
 from collections.abc import Iterable
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.model_terms import TermSymbols
@@ -65,14 +67,15 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
-def fields(equations: int, followed: int = 0, gains: int = 0) -> Fields:
-    """The outputs of a task's stages; last are those of equations, joints and gains.
+def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> Fields:
+    """The outputs of a task's stages; last are those of equations, joints, gains and params.
 
     Args:
         equations: how many there are. Each has a set point, a measurement, the distance of the
             joints' references from it, and what its constraint cannot make of joint torques.
         followed: joints that follow references in a stage; 0 where none has a path of joints.
         gains: how many of any stage vary.
+        live: params that may be set while a stage runs.
     """
     on_equations = ("reaction_ref", "reaction", "gap_ref", "reaction_residual")
     return (
@@ -81,12 +84,29 @@ def fields(equations: int, followed: int = 0, gains: int = 0) -> Fields:
         *((name, equations) for name in on_equations),
         ("joint_ref", followed),
         *((("gain", gains),) if gains else ()),
+        *((("param", live),) if live else ()),
     )
 
 
 def fields_of(task: Task, joints: int) -> Fields:
     """The outputs of the stages of a task, of an arm with some joints."""
-    return fields(len(task.equations), joints if task.in_joints else 0, len(task.varying_gains))
+    followed = joints if task.in_joints else 0
+    return fields(len(task.equations), followed, len(task.varying_gains), len(task.live))
+
+
+def now_at_start(task: Task) -> NDArray[np.float64]:
+    """A tick's input `now` before the first one.
+
+    Stage time, run time [s], how often each stage has been entered; then the params that may be set
+    as they are declared, and their rates.
+    """
+    live = [param.value for param in task.live.values()]
+    return np.array([*np.zeros(first_live(task)), *live, *np.zeros(len(live))])
+
+
+def first_live(task: Task) -> int:
+    """Where in `now` the params are that may be set while a stage runs."""
+    return 2 + len(task.stages)
 
 
 #: Inputs of a stage when it is entered, in this order: name and length.

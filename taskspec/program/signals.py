@@ -12,7 +12,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.expression.tree import Name
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.program.context import Context
-from taskspec.program.interval import Interval, point
+from taskspec.program.interval import Interval, IntervalAlgebra, point
 from taskspec.program.slots import Slots
 from taskspec.program.world import estimated_frames, kinematics
 from taskspec.program.world.frames import FrameModel
@@ -22,6 +22,7 @@ from taskspec.robot.model_terms import TermSymbols
 from taskspec.shapes import Surface
 from taskspec.signals import VECTORS, Entry, MovingPose, Situation, find
 from taskspec.spec import Task
+from taskspec.spec.params import worths
 
 
 class UnknownSignalError(LookupError):
@@ -82,11 +83,23 @@ def natural(found: Entry) -> Interval:
 
 
 def constant(context: Context, name: Name) -> Interval | None:
-    """The value of a param or a constant, None of another name."""
+    """The values that a param or a constant can have, None of another name.
+
+    One alone, but where a param may be set while a stage runs.
+    """
+    value, params = declared(context, name), context.loaded.task.params
+    if value is None or str(name) not in params or not params[str(name)].live:
+        return None if value is None else point(value)
+    bounds = {each: Interval(p.low, p.high) for each, p in context.loaded.task.live.items()}
+    return worths(params, IntervalAlgebra(), bounds.__getitem__)[str(name)]
+
+
+def declared(context: Context, name: Name) -> float | None:
+    """The value of a param or a constant that the file gives it, None of another name."""
     text, params = str(name), context.loaded.task.params
     if text == "pi":
-        return point(math.pi)
-    return point(params[text].value) if text in params else None
+        return math.pi
+    return params[text].value if text in params else None
 
 
 def applied(axis: Axis) -> str:

@@ -19,8 +19,9 @@ from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.reference.joint_motion import JointMotion
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE, KeyPath
+from taskspec.spec.params import slots_of
 from taskspec.text.diagnostic import Severity
-from taskspec.text.units import ANGLE, LENGTH, TIME, Dimension, show
+from taskspec.text.units import ANGLE, LENGTH, TIME, Dimension, fitting, show
 
 Vector = NDArray[np.float64]
 
@@ -116,6 +117,23 @@ def arcs_without_radius(stage: StagePlan) -> Iterator[Finding]:
             FILE.stages[stage.name].path.arc,
             "put the center beside the tool, such as center: [20 mm, 0]",
         )
+
+
+@rule("TS135", "a position that jumps where a live parameter is set", phase=Phase.AXES)
+def jumping_params(stage: StagePlan) -> Iterator[Finding]:
+    """Positions that follow from live params without a rate: their reference jumps with these."""
+    task = stage.context.loaded.task
+    jumps = {name for name, param in task.live.items() if not param.rate}
+    for _, expression, planned in _references(stage):
+        found = sorted(jumps & slots_of(task.params, expression.tree)) if planned else ()
+        for name in found[:1]:
+            unit = next(iter(fitting(task.live[name].dimension)), "1")
+            yield warning(
+                "TS135",
+                f"this position jumps where '{name}' is set, which has no rate",
+                expression.span,
+                f"give it one in 'params', such as rate: 20 {unit}/s",
+            )
 
 
 @rule({}, also=("TS118",), phase=Phase.PATH)

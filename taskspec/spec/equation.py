@@ -83,7 +83,7 @@ class Sides(FieldType):
         residual = Binary("-", node.left, node.right, start=node.start, end=node.end)
         kind, problems = infer(residual, context.scope(ScopeKind.EQUATION))
         context.problems(value, problems or _coordinates(residual))
-        if problems:
+        if problems or not values.still(value, residual, context):
             return nothing
         expression = Expression(value, residual, kind.dimension or NUMBER, value.node.origin)
         moves, turns = on_place(residual), on_rotation(residual)

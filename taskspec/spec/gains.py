@@ -185,7 +185,7 @@ def _varies(value: object, context: ParseContext) -> bool:
         names = [n.path[0] for n in walk(parse(value, "sum")) if isinstance(n, Name)]
     except ExpressionError:
         return False
-    known = (*context.params, *context.broken, *CONSTANTS)
+    known = (*context.still_params, *context.broken, *CONSTANTS)
     return any(name not in known for name in names)
 
 

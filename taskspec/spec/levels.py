@@ -17,6 +17,7 @@ from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import Hinge, Screw, Slide
 from taskspec.spec.model import Model
 from taskspec.spec.path import Path
+from taskspec.spec.reward import Reward
 from taskspec.spec.robot import Noise, Robot, Sensor, Start, Tool
 from taskspec.spec.stage import Stage
 from taskspec.spec.sweep import Sweep
@@ -51,6 +52,7 @@ _MODELS: tuple[tuple[str, type[Model]], ...] = (
     ("limits.", Limits),
     ("control.", Control),
     ("sweep.", Sweep),
+    ("reward.", Reward),
     ("law.force.", ForceGains),
     ("robot.sensor.noise.", Noise),
 )

@@ -6,7 +6,7 @@ import errno
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -22,7 +22,7 @@ from taskspec.spec.levels import level_of
 from taskspec.spec.mesh_file import find_meshes
 from taskspec.spec.model import REPORTED, mapping
 from taskspec.spec.names import collect_names, unused, warn_unused
-from taskspec.spec.params import evaluate_params
+from taskspec.spec.params import evaluate_params, with_values
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.robot import Robot
 from taskspec.spec.robot_file import RobotFiles
@@ -93,6 +93,14 @@ class LoadedTask:
             path: such as `FILE.stages["wipe"].axes["z"]`; `key_of` it is the key itself.
         """
         return nodes.place(self.root, steps_of(path), key=is_key(path))
+
+    def where(self, live: Mapping[str, float]) -> LoadedTask:
+        """The task as if it declared other values of live params, by name [SI]."""
+        nominal, true = (
+            task.model_copy(update={"params": with_values(task.params, live)})
+            for task in (self.task, self.true_task)
+        )
+        return replace(self, task=nominal, true_task=true)
 
     def has(self, path: KeyPath) -> bool:
         """Whether the file has a path as it is, without a short form that stands for it."""
@@ -259,6 +267,26 @@ def _load(
     # An override may use a name, or take the place of what used one.
     warn_unused(root, idle & unused(root), found)
     return loaded(task, true_task)
+
+
+def reread(loaded: LoadedTask, root: nodes.Mapping) -> LoadedTask:
+    """A loaded task with another tree.
+
+    Args:
+        loaded: the task.
+        root: its tree with changes, `loaded.root` else.
+
+    Raises:
+        SpecError: what was changed is wrong.
+    """
+    found, path = Diagnostics(loaded.source.name), loaded.path or Path(loaded.source.name)
+    task = _validate(root, found, path)
+    true_task = task
+    if task is not None and task.truth.paths:
+        true_task = _validate(grafted(root, task.truth), found, path, truth=True)
+    if task is None or true_task is None or found.has_errors:
+        raise SpecError(found.sorted(), loaded.sources)
+    return replace(loaded, task=task, true_task=true_task, root=root)
 
 
 def _robot_of(root: nodes.Mapping) -> Robot | None:

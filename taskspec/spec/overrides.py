@@ -64,7 +64,7 @@ class Overrides:
             templates: whether templates, and what stages give them, are changed, or all else.
         """
         for key, value in self._values:
-            steps = _steps(root, key.value, self._keys)
+            steps = _steps(root, key.value, value, self._keys)
             if _of_templates(steps) is templates:
                 _put(root, key, steps, value, self._keys, self._found)
 
@@ -77,11 +77,16 @@ def _one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _steps(root: MappingNode, path: str, keys: tuple[str, ...]) -> list[str]:
+def _steps(root: MappingNode, path: str, value: Node, keys: tuple[str, ...]) -> list[str]:
     steps = path.split(".")
     params = root.get("params")
-    if len(steps) == 1 and path not in keys and isinstance(params, MappingNode):
-        return ["params", path]
+    if isinstance(params, MappingNode) and steps[0] not in keys:
+        live = isinstance(params.get(steps[0]), MappingNode)
+        steps = ["params", *steps] if live or len(steps) == 1 else steps
+    if isinstance(params, MappingNode) and steps[0] == "params" and len(steps) == 2:
+        live = isinstance(params.get(steps[1]), MappingNode)
+        # A lone quantity is where a live param begins.
+        return [*steps, "value"] if live and isinstance(value, Scalar) else steps
     if steps[0] in _BY_PATH and len(steps) > 2:
         return [steps[0], ".".join(steps[1:])]
     return steps

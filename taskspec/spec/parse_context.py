@@ -65,6 +65,11 @@ class ParseContext:
             )
         return self._scopes[kind]
 
+    @property
+    def still_params(self) -> tuple[str, ...]:
+        """Names of params that keep their values while a stage runs."""
+        return tuple(name for name, param in self.params.items() if not param.live)
+
     def of_kind(self, *kinds: str) -> dict[str, None]:
         """The names of the objects of some kinds."""
         return {name: None for name, kind in self.objects.items() if kind in kinds}

@@ -50,7 +50,7 @@ class Pace(Formula):
         node = values.parsed(value, "sum", context, describe(VELOCITY))
         if node is None:
             return 0.0
-        fixed = {*context.params, *context.broken, *CONSTANTS}
+        fixed = {*context.still_params, *context.broken, *CONSTANTS}
         if all(str(name) in fixed for name in walk(node) if isinstance(name, Name)):
             return cast("float", Constant(VELOCITY, above=0).read(value, context))
         return Formula.read(self, value, context)

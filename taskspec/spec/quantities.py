@@ -380,32 +380,28 @@ class ForJoints(FieldType):
 
 
 @dataclass(frozen=True)
-class IntervalAroundZero(FieldType):
-    """From a least to a greatest value about 0: `0..90 deg`, `[0, 90 deg]` or `+- 90 deg`.
+class QuantityInterval(FieldType):
+    """From a least to a greatest value: `0..90 deg`, `[0, 90 deg]` or `+- 90 deg` about another.
 
     Attributes:
         dimension: what it measures.
+        middle: what `+- x` is about (SI units).
     """
 
     dimension: Dimension
+    middle: float = 0.0
 
-    def read(self, value: object, context: ParseContext) -> tuple[float, float]:
-        """Both ends in SI units."""
+    def read(self, value: object, context: ParseContext) -> tuple[float, float] | None:
+        """Both ends in SI units; None after reporting why there are none."""
         if isinstance(value, Items):
             ends = self._listed(value, context)
         else:
             ends = self._written(value, context)
-        if ends is None:
-            return 0.0, 0.0
-        low, high = ends
-        if low >= high:
+        if ends is not None and ends[0] >= ends[1]:
             message = "this interval ends before it begins"
             context.error("TS711", message, span_of(value), "write the smaller first")
-        elif not low <= 0 <= high:
-            message = "this leaves out 0, where the mechanism is as it is declared"
-            hint = "count from there: the run begins at 0"
-            context.error("TS118", message, span_of(value), hint)
-        return low, high
+            return None
+        return ends
 
     def _listed(self, value: Items, context: ParseContext) -> tuple[float, float] | None:
         """The two entries of a list."""
@@ -427,7 +423,8 @@ class IntervalAroundZero(FieldType):
         if not problems and not isinstance(node, IntervalNode | SpreadNode):
             message = f"an interval of {describe(self.dimension)} is needed here"
             problems = (Problem("TS023", message, node.start, node.end, self._form()),)
-        if not problems and isinstance(node, SpreadNode) and is_share(node.x):
+        share = isinstance(node, SpreadNode) and is_share(node.x) and self.dimension != NUMBER
+        if not problems and share and not self.middle:
             problems = (share_of_zero(node),)
         if not problems and isinstance(node, IntervalNode):
             problems = tuple(
@@ -439,19 +436,25 @@ class IntervalAroundZero(FieldType):
         if isinstance(node, SpreadNode):
             half = values.number(value, node.x, context)
             if half is not None and half <= 0:
-                unit = fitting(self.dimension)[0]
-                hint = f"+- 90 {unit} reaches 90 {unit} to either side"
+                most = self._example()
+                hint = f"+- {most} reaches {most} to either side"
                 message = "this reaches to neither side"
                 context.problems(value, (Problem("TS711", message, node.start, node.end, hint),))
                 return None
-            return None if half is None else (-half, half)
+            if half is None:
+                return None
+            half *= abs(self.middle) if share else 1.0
+            return self.middle - half, self.middle + half
         assert isinstance(node, IntervalNode)
         low, high = (values.number(value, end, context) for end in (node.low, node.high))
         return None if low is None or high is None else (low, high)
 
     def _form(self) -> str:
-        unit = fitting(self.dimension)[0]
-        return f"write both ends, such as 0..90 {unit} or [0, 90 {unit}], or +- 90 {unit}"
+        most = self._example()
+        return f"write both ends, such as 0..{most} or [0, {most}], or +- {most}"
+
+    def _example(self) -> str:
+        return f"90 {next(iter(fitting(self.dimension)), '')}".rstrip()
 
     def json(self) -> dict[str, Any]:
         """Describes the interval."""
@@ -463,3 +466,19 @@ class IntervalAroundZero(FieldType):
             "anyOf": [{"type": "string"}, both],
             "examples": [f"0..90 {unit}", [0, f"90 {unit}"], f"+- 90 {unit}"],
         }
+
+
+@dataclass(frozen=True)
+class IntervalAroundZero(QuantityInterval):
+    """The same about 0."""
+
+    def read(self, value: object, context: ParseContext) -> tuple[float, float]:
+        """Both ends in SI units."""
+        ends = QuantityInterval.read(self, value, context)
+        if ends is None:
+            return 0.0, 0.0
+        if not ends[0] <= 0 <= ends[1]:
+            message = "this leaves out 0, where the mechanism is as it is declared"
+            hint = "count from there: the run begins at 0"
+            context.error("TS118", message, span_of(value), hint)
+        return ends

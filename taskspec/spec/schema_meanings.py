@@ -122,6 +122,14 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "worlds": ("How many random worlds 'taskspec sweep' runs; by default 100.", (1000,)),
         "expect": ("How often what is to hold, at 95 % confidence.", ("success >= 99 %",)),
     },
+    "Reward": {
+        "rate": ("Plain number in a second, of true signals; or one for each stage by its name.",
+                 ("-abs(force.z + 12 N)/(5 N)", {"press": "-norm(error)/(1 mm)"})),
+        "passed": ("At the end of a run that did what is expected; by default 0.", (10,)),
+        "missed": ("At the end of one that missed an expectation; by default 0.", (-1,)),
+        "failed": ("At the end of one that came to fail; by default 0.", (-5,)),
+        "stopped": ("At the end of one that a limit stopped; by default 0.", (-10,)),
+    },
     "Branch": {
         "when": ("Taken if this holds as the stage ends well; the last branch has none.", ()),
         "to": ("The stage that follows, end or fail.", ()),

@@ -44,6 +44,10 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
         "How many random worlds are run, and how often they are to succeed",
         ({"worlds": 1000, "expect": "success >= 99 %"},),
     ),
+    "Task.reward": (
+        "In a second, of true signals, and at the end of a run",
+        ({"rate": "-abs(force.z + 12 N)/(5 N)", "passed": 10},),
+    ),
     "Robot.joint_friction": (
         "Of the real joints; the controller does not know of it",
         ("0.5 N*m",),

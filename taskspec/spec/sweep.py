@@ -80,7 +80,7 @@ def _relation(value: object, context: ParseContext) -> RateExpectation | None:
         return None
     checked = check(node.right, context.scope(ScopeKind.CONSTANT), NUMBER)
     context.problems(value, checked.problems)
-    if checked.problems:
+    if checked.problems or not values.still(value, node.right, context):
         return None
     least = evaluate(node.right, FloatAlgebra(), lambda name: values.known(name, context))
     if not 0 < least < 1:

@@ -23,8 +23,9 @@ from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import Mechanism
 from taskspec.spec.model import Model, mapping
 from taskspec.spec.objects import ByKind, Object, bushings, equations, mechanisms, shapes
-from taskspec.spec.params import Params
+from taskspec.spec.params import LiveParam, Params, live_params
 from taskspec.spec.parse_context import ParseContext, span_of
+from taskspec.spec.reward import Reward
 from taskspec.spec.robot import Robot
 from taskspec.spec.stage import Stage
 from taskspec.spec.sweep import Sweep
@@ -93,6 +94,7 @@ class Task(Model):
         vary: path of a value to an uncertain interval for each component.
         truth: what the world and the robot really are, where that is otherwise.
         sweep: what `taskspec sweep` does; None where the file says nothing of it.
+        reward: what a learner is to make large; None where the file says nothing of it.
         control: rates.
     """
 
@@ -131,6 +133,7 @@ class Task(Model):
         DeclaredTruth(), title="What the world and the robot really are"
     )
     sweep: Sweep | None = Field(None, title="Random worlds, and how often they succeed")
+    reward: Reward | None = Field(None, title="What a learner is to make large")
     control: Control = Field(Control(), title="Rates")
 
     @property
@@ -165,6 +168,11 @@ class Task(Model):
             return self.limits
         own = {key: getattr(given, key) for key in given.model_fields_set}
         return self.limits.model_copy(update={k: v for k, v in own.items() if v is not None})
+
+    @property
+    def live(self) -> dict[str, LiveParam]:
+        """The params that may be set while a stage runs, in the order of the log."""
+        return live_params(self.params)
 
     @property
     def varying_gains(self) -> tuple[tuple[str, str], ...]:

@@ -24,7 +24,18 @@ from taskspec.text.codes import register
 from taskspec.text.data import Real, Text, Whole
 from taskspec.text.units import LARGEST, NUMBER, Dimension, Quantity, describe
 
-register({"TS117": "a value that is not finite"})
+register(
+    {
+        "TS117": "a value that is not finite",
+        "TS150": "a live parameter where nothing may change while a stage runs",
+    }
+)
+
+#: Where an expression is evaluated while a stage runs, or over what was recorded of it.
+_RUNNING = (
+    *(ScopeKind.COUPLING, ScopeKind.PLANNED, ScopeKind.REFERENCE),
+    *(ScopeKind.GUARD, ScopeKind.EXPECT, ScopeKind.REWARD),
+)
 
 _FLOATS = FloatAlgebra()
 
@@ -77,8 +88,10 @@ def expression(
     context.problems(value, ends)
     if not all(problem.warning for problem in ends):
         return None
+    if kind not in _RUNNING and not still(value, node, context):
+        return None
     fixed = all(n.path[0] in context.params for n in walk(node) if isinstance(n, Name))
-    if dimension is not None and fixed and number(value, node, context) is None:
+    if dimension is not None and fixed and number(value, node, context, live=True) is None:
         return None
     return Expression(value.node.value, checked.tree, checked.dimension, value.node.origin)
 
@@ -117,6 +130,15 @@ def measures(value: object, dimension: Dimension, context: ParseContext) -> bool
 
 def quantity(value: object, context: ParseContext) -> Quantity | None:
     """A constant of whatever dimension, or None after reporting what is wrong with it."""
+    found = measured(value, context)
+    return None if found is None or not still(value, found[1], context) else found[0]
+
+
+def measured(value: object, context: ParseContext) -> tuple[Quantity, Node] | None:
+    """A quantity of whatever dimension with its tree, or None after reporting what is wrong.
+
+    It may follow from live params, which have their declared values in it.
+    """
     node = parsed(value, "sum", context, "a quantity")
     if node is None:
         return None
@@ -126,16 +148,42 @@ def quantity(value: object, context: ParseContext) -> Quantity | None:
     context.problems(value, problems)
     if problems or kind.kind == "unknown":
         return None
-    result = number(value, node, context)
+    result = number(value, node, context, live=True)
     if result is None:
         return None
-    return Quantity(result, kind.dimension or NUMBER, bare=kind.dimension is None)
+    return Quantity(result, kind.dimension or NUMBER, bare=kind.dimension is None), node
 
 
-def number(value: object, node: Node, context: ParseContext) -> float | None:
-    """The value of a checked constant tree; None if a part of it is broken or infinite."""
+def live_names(node: Node, context: ParseContext) -> list[Name]:
+    """The live params that stand in a tree."""
+    params = context.params
+    names = (n for n in walk(node) if isinstance(n, Name))
+    return [n for n in names if str(n) in params and params[str(n)].live]
+
+
+def still(value: object, node: Node, context: ParseContext) -> bool:
+    """Whether a tree has no live param, which is reported."""
+    live = live_names(node, context)
+    for name in live[:1]:
+        message = f"'{name}' is live, and this is settled before a stage runs"
+        hint = (
+            "use a param without 'live' here; live ones stand in set points, gains and conditions"
+        )
+        context.problems(value, (Problem("TS150", message, name.start, name.end, hint),))
+    return not live
+
+
+def number(value: object, node: Node, context: ParseContext, *, live: bool = False) -> float | None:
+    """The value of a checked constant tree; None if a part of it is broken or infinite.
+
+    Args:
+        value: the datum that it is of.
+        node: the tree.
+        context: the pass.
+        live: whether live params may stand in it, with their declared values.
+    """
     names = [n.path[0] for n in walk(node) if isinstance(n, Name)]
-    if any(name in context.broken for name in names):
+    if any(name in context.broken for name in names) or not (live or still(value, node, context)):
         return None
     result = evaluate(node, _FLOATS, lambda name: _lookup(name, context))
     if abs(result) <= LARGEST:

@@ -22,7 +22,7 @@ from taskspec.program.bound import BoundFunction, evaluated
 from taskspec.program.context import Context
 from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.tracks import Tracks
-from taskspec.program.ports import LAW, slices
+from taskspec.program.ports import LAW, now_at_start, slices
 from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.slowed_path import AT, TIME
 from taskspec.program.stages.hand_over import SIZE
@@ -69,7 +69,7 @@ class Operating:
         self._tangent = _tangent(stage.closed_form) if tangent is None else tangent
         n = context.robot.n
         self._terms = PinocchioTerms(context.robot)
-        self._now = np.zeros(2 + len(context.loaded.task.stages))
+        self._now = now_at_start(context.loaded.task)
         self._now[2 + list(context.loaded.task.stages).index(stage.name)] = 1.0
         self._wrench, self._reactions = np.zeros(6), np.zeros(len(context.equations))
         self._terms.at(context.start, np.zeros(n))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from functools import lru_cache
+from typing import ClassVar
 
 from taskspec.deferred_methods import dataclass
 
@@ -66,11 +67,16 @@ class Quantity:
     """A constant: its value in SI units and its dimension.
 
     A zero that was written without a unit is `bare` and fits every dimension.
+
+    Attributes:
+        live: whether it may change while a stage runs; its value is where it begins.
     """
 
     value: float
     dimension: Dimension
     bare: bool = False
+
+    live: ClassVar[bool] = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -65,6 +65,7 @@ def run(
             help="The loop that runs the ticks: machine code where it can, or one of the two."
         ),
     ] = LoopName.AUTO,
+    live: options.LiveOptions,
     watched: options.WatchOptions,
     robot: options.RobotOptions,
 ) -> int:
@@ -73,7 +74,17 @@ def run(
 
     on = None if robot.on is None else Connection(robot.on, robot)
     by = None if loop is LoopName.AUTO else loop.value
-    return run_task(file, given, kept, video=video, force=force, loop=by, on=on, watched=watched)
+    return run_task(
+        file,
+        given,
+        kept,
+        video=video,
+        force=force,
+        loop=by,
+        on=on,
+        live=live.moves,
+        watched=watched,
+    )
 
 
 @_command

@@ -129,6 +129,20 @@ class RecordOptions:
 
 
 @dataclass(frozen=True)
+class LiveOptions:
+    """What is set while a run goes on."""
+
+    moves: Annotated[
+        list[str],
+        typer.Option(
+            "--live",
+            metavar="'NAME = VALUE @ TIME'",
+            help="Set a live param at a run time, such as 'press = 8 N @ 1 s'; may be repeated.",
+        ),
+    ] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
 class WatchOptions:
     """The page that shows what goes on."""
 

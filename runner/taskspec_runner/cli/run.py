@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -50,6 +50,7 @@ def run_task(
     force: bool = False,
     loop: str | None = None,
     on: Connects | None = None,
+    live: Sequence[str] = (),
     watched: WatchOptions | None = None,
 ) -> int:
     """Runs a task file and reports how it went; afterwards draws it as a video.
@@ -59,6 +60,7 @@ def run_task(
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
     from taskspec_runner.cli.testing.outcome import outcome_of, refused_by
+    from taskspec_runner.loop.live_schedule import scheduled
     from taskspec_runner.loop.telemetry import sending
     from taskspec_runner.session import execute_program
     from taskspec_runner.sweep.chosen import chosen_world
@@ -92,6 +94,7 @@ def run_task(
     if program.findings and not quiet:
         show_diagnostics(program.findings, program.context.loaded.sources, err=True)
     chosen = chosen_world(program.context, given.seed, given.world)
+    hand = scheduled(live, program.context.loaded.task, program.context.period)
     link = None if on is None else on.link(program, None if quiet else _say)
     watching = _page(program, chosen, watched) if watched.watch else nullcontext()
     with watching as page:
@@ -108,6 +111,7 @@ def run_task(
                 spectator=page,
                 loop=loop,
                 link=link,
+                hand=hand,
             )
         if page is not None:
             page.end(run)

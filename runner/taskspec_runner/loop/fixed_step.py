@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from dataclasses import replace
@@ -26,6 +27,7 @@ from taskspec_runner.record.bus import Bus
 if TYPE_CHECKING:
     from taskspec.native.code import Compiling
     from taskspec_runner.loop.faults import Faults
+    from taskspec_runner.loop.hand import Hand
     from taskspec_runner.loop.native.loop import NativeLoop
 
 Vector = NDArray[np.float64]
@@ -112,6 +114,7 @@ def run(
     loop: str | None = None,
     sensing: Senses | None = None,
     faults: Faults | None = None,
+    hand: Hand | None = None,
     *,
     to_rest: bool = False,
 ) -> Outcome:
@@ -129,68 +132,131 @@ def run(
         sensing: of a plant that is elsewhere, for which Python runs all ticks; None for the
             sensors of `plant`.
         faults: of the run, which Python runs then; None for none.
+        hand: sets live params while it goes on; None where nobody does.
         to_rest: whether an arm whose run does not come to `end` is brought to rest after it, which
             the recorder takes, too.
 
     Raises:
         InputError: there is no native loop, and no other is wanted.
     """
-    if sensing is None:
-        assert isinstance(plant, Plant)
-        sensing = Sensing(plant.arm, plant.views.equations, machine, seed)
-    closed = ClosedLoop(machine, plant, bus, sensing, recorder, faults)
-    inner = _Native(closed, loop)
-    try:
-        outcome = _run(closed, period, progress or _unseen, inner)
-    except LinkError as error:
-        clock = error.ticks * period
-        outcome = _stopped(error.name, error.text, machine, clock, error.ticks)
-    if to_rest and outcome.status != DONE:
-        brought = _to_rest(closed, outcome, period)
-        outcome = replace(outcome, not_at_rest=brought.why, undamped=brought.undamped)
-    return replace(outcome, loop=inner.name, why_python=inner.why)
+    steps = Steps(machine, plant, bus, recorder, period, progress, seed, loop, sensing, faults)
+    while steps.outcome is None:
+        steps.advance(None if hand is None else hand.set(machine.live, steps.ticks))
+    return steps.finish(to_rest=to_rest)
 
 
-def _run(closed: ClosedLoop, period: float, progress: Progress, inner: _Native) -> Outcome:
-    """The loop itself; `inner` runs the ticks on which nothing happens, as far as it can."""
-    machine, plant, bus = closed.machine, closed.plant, closed.bus
-    clock_slot, t_slot, stage_slot = (bus.slices[name].start for name in ("clock", "t", "stage"))
-    array, torque, arm = bus.array, machine.torque, plant.arm
-    health = bus.slices["health"].start
-    tick, read, step, add = machine.tick, closed.read, closed.step, closed.recorder.add
-    read()
-    machine.start()
-    ticks, clock = 0, 0.0
-    while True:
-        done = inner.run(ticks) if inner.runs else 0
-        if done:
-            ticks += done
+class Steps:
+    """A run that whoever made it steps: some ticks, a look at machine and bus, some ticks more.
+
+    In whatever numbers its ticks are run, they are those of `run`, bit for bit.
+
+    Attributes:
+        machine: of the run.
+        ticks: that have been run and recorded.
+        outcome: how it ended; None while it goes on.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        plant: Driven,
+        bus: Bus,
+        recorder: TickSink,
+        period: float,
+        progress: Progress | None = None,
+        seed: int = 0,
+        loop: str | None = None,
+        sensing: Senses | None = None,
+        faults: Faults | None = None,
+    ) -> None:
+        """Takes the parts of a run at its start, as `run` has them; no tick is run yet."""
+        if sensing is None:
+            assert isinstance(plant, Plant)
+            sensing = Sensing(plant.arm, plant.views.equations, machine, seed)
+        self.machine, self.ticks = machine, 0
+        self.outcome: Outcome | None = None
+        self._closed = ClosedLoop(machine, plant, bus, sensing, recorder, faults)
+        self._period, self._progress = period, progress or _unseen
+        self._inner = _Native(self._closed, loop)
+        self._started = False
+
+    @property
+    def clock(self) -> float:
+        """Simulated time [s]: that of the tick that comes next."""
+        return self.ticks * self._period
+
+    def advance(self, most: int | None = None) -> int:
+        """Runs up to `most` ticks, with None as many as there are; fewer where the run ends.
+
+        Returns:
+            How many have been recorded. `outcome` is set where the run has ended.
+        """
+        before = self.ticks
+        if self.outcome is not None:
+            return 0
+        try:
+            if not self._started:
+                self._started = True
+                self._closed.read()
+                self.machine.start()
+            self.outcome = self._run(math.inf if most is None else before + most)
+        except LinkError as error:
+            self.ticks = error.ticks
+            self.outcome = _stopped(error.name, error.text, self.machine, self.clock, self.ticks)
+        return self.ticks - before
+
+    def finish(self, *, to_rest: bool = False) -> Outcome:
+        """The outcome of a run that has ended; `to_rest` as in `run`."""
+        outcome, inner = self.outcome, self._inner
+        assert outcome is not None
+        if to_rest and outcome.status != DONE:
+            brought = _to_rest(self._closed, outcome, self._period)
+            outcome = replace(outcome, not_at_rest=brought.why, undamped=brought.undamped)
+        return replace(outcome, loop=inner.name, why_python=inner.why)
+
+    def _run(self, end: float) -> Outcome | None:
+        """The loop itself, up to `end` ticks; None where the run goes on then."""
+        closed, period, progress, inner = self._closed, self._period, self._progress, self._inner
+        machine, plant, bus = closed.machine, closed.plant, closed.bus
+        clock_slot, t_slot, stage_slot = (bus.slices[k].start for k in ("clock", "t", "stage"))
+        array, torque, arm = bus.array, machine.torque, plant.arm
+        health = bus.slices["health"].start
+        tick, read, step, add = machine.tick, closed.read, closed.step, closed.recorder.add
+        ticks = self.ticks
+        clock = ticks * period
+        while ticks < end:
+            # `inner` runs the ticks on which nothing happens, as far as it can.
+            done = inner.run(ticks, end) if inner.runs else 0
+            if done:
+                self.ticks = ticks = ticks + done
+                clock = ticks * period
+                if inner.look:
+                    alarm = plant.alarm()
+                    if alarm is not None:
+                        return _lost(*alarm, machine, clock, ticks)
+                progress(machine, clock)
+                if inner.goes_on:
+                    continue
+            if not inner.sensed:
+                read()
+            if not inner.made:
+                tick(clock)
+            array[clock_slot], array[t_slot], array[stage_slot] = clock, machine.t, machine.index
+            if not array[health] < HEALTHY:
+                return _stopped("non_finite", _why_not_finite(machine), machine, clock, ticks)
+            if machine.ended:
+                self.ticks += _last(closed)
+                return _ended(machine, clock, self.ticks)
+            step(torque)
+            add()
+            self.ticks = ticks = ticks + 1
             clock = ticks * period
-            if inner.look:
+            if arm.diverged or ticks % LOOK_EVERY == 0:
                 alarm = plant.alarm()
                 if alarm is not None:
                     return _lost(*alarm, machine, clock, ticks)
-            progress(machine, clock)
-            if inner.goes_on:
-                continue
-        if not inner.sensed:
-            read()
-        if not inner.made:
-            tick(clock)
-        array[clock_slot], array[t_slot], array[stage_slot] = clock, machine.t, machine.index
-        if not array[health] < HEALTHY:
-            return _stopped("non_finite", _why_not_finite(machine), machine, clock, ticks)
-        if machine.ended:
-            return _ended(machine, clock, ticks + _last(closed))
-        step(torque)
-        add()
-        ticks += 1
-        clock = ticks * period
-        if arm.diverged or ticks % LOOK_EVERY == 0:
-            alarm = plant.alarm()
-            if alarm is not None:
-                return _lost(*alarm, machine, clock, ticks)
-            progress(machine, clock)
+                progress(machine, clock)
+        return None
 
 
 def _last(closed: ClosedLoop) -> int:
@@ -258,8 +324,8 @@ class _Native:
         """Name of the loop."""
         return NATIVE if self.used else PYTHON
 
-    def run(self, ticks: int) -> int:
-        """Runs ticks after the first `ticks` of a run; returns how many there have been."""
+    def run(self, ticks: int, end: float) -> int:
+        """Runs ticks after the first `ticks` of a run, at most up to `end`; how many there were."""
         # It stays so where `run` is not called any more.
         self.look = self.goes_on = self.sensed = self.made = False
         assert self._sink is not None
@@ -278,9 +344,9 @@ class _Native:
                 compiling = Compiling.NEVER
             if self._loop is None:
                 self._loop = NativeLoop(self._closed, self._sink.block)
-            done = self._code(self._loop, ticks, compiling)
+            done = self._code(self._loop, ticks, end, compiling)
             while self._loop.ends:
-                done += self._code(self._loop, ticks + done, compiling)
+                done += self._code(self._loop, ticks + done, end, compiling)
         except (EngineError, UnsupportedOperationError, LayoutError) as error:
             self._stop(str(error))
             return 0
@@ -289,10 +355,10 @@ class _Native:
         self.goes_on = not self.sensed
         return done
 
-    def _code(self, loop: NativeLoop, ticks: int, compiling: Compiling) -> int:
+    def _code(self, loop: NativeLoop, ticks: int, end: float, compiling: Compiling) -> int:
         """Has machine code run ticks after the first ones, and the recorder take them."""
         assert self._sink is not None
-        done = loop.run(ticks, min(self._sink.left, _AT_ONCE), compiling)
+        done = loop.run(ticks, int(min(self._sink.left, _AT_ONCE, end - ticks)), compiling)
         self._sink.advance(done)
         if done and not self.used:
             self.used = True

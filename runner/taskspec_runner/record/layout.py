@@ -22,10 +22,13 @@ from taskspec.spec import Task
 from taskspec.text.units import si_unit
 from taskspec_runner.record.bus import TRUE, Bus
 from taskspec_runner.record.history import TO_REST, column_field, log_schema
-from taskspec_runner.record.truth import Truth
+from taskspec_runner.record.named import param_column
+from taskspec_runner.record.truth import Formulas, Truth
 
 Vector = NDArray[np.float64]
 
+#: The column of what a file rewards in a second.
+REWARD = "reward"
 #: Signals without axes that are the arm's alone, and of which the controller may be wrong.
 _OF_MOTION = ("tilt", "speed", "travel")
 
@@ -90,7 +93,8 @@ class LogLayout:
             sensed = signal in VECTORS and VECTORS[signal].sensed
             together.setdefault("wrench" if sensed else signal, []).append(name)
         self._together = {key: tuple(names) for key, names in together.items()}
-        self._truth = Truth(robot, task, stages, slices, true)
+        places, rates = self.fields_of_columns, reward_rates(task)
+        self._truth = Truth(robot, task, stages, slices, true, places, formulas=rates)
         self._unknown = unknown
 
     @cached_property
@@ -113,6 +117,12 @@ class LogLayout:
         context = program.context
         slices = Bus(context.robot.n, task, linked=linked).slices
         return cls(slices, context.robot, program.stages, task, measured=measured)
+
+    @property
+    def fields_of_columns(self) -> dict[str, int]:
+        """Where the bus has each column that is a number of it as it is."""
+        slices = self._slices
+        return {c.name: slices[c.field].start + c.row for c in self._layout if c.field}
 
     @property
     def units(self) -> dict[str, str]:
@@ -138,6 +148,10 @@ class LogLayout:
     def derive(self, rows: Vector, names: tuple[str, ...]) -> Vector:
         """(ticks, names) values of derived columns, from rows of the bus (ticks, fields)."""
         return self._truth(rows, names)
+
+    def is_true(self, name: str) -> bool:
+        """Whether a column is a true signal, which no number of the bus is by its name."""
+        return not self._columns[name].field
 
     def place(self, name: str) -> int | None:
         """Where in a tick a column is; None of one that is derived from several numbers of it.
@@ -165,6 +179,13 @@ class LogLayout:
             values = field(column.field)[column.row] if column.field else next(true)
             columns[column.name] = (values, column.unit)
         return columns
+
+
+def reward_rates(task: Task) -> Formulas:
+    """What a file rewards in a second, as a formula of its log; none where it does not."""
+    if task.reward is None or not task.reward.rate:
+        return {}
+    return {REWARD: {stage: rate.tree for stage, rate in task.reward.rate.items()}}
 
 
 #: What the log has of a link at the wall clock.
@@ -230,12 +251,15 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
         yield Column("limits", "", "limits")
         yield Column("residual", "", "residual")
     yield from _of_gains(task, axes)
+    yield from _of_params(task)
     yield from _of_joints(robot.n, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
             if not signal.output:
                 yield Column(f"{owner}.{name}", si_unit(signal.dimensions[declared.kind]), "")
     yield from _of_equations(task)
+    if reward_rates(task):
+        yield Column(REWARD, "1/s", "")
 
 
 def _of_equations(task: Task) -> Iterator[Column]:
@@ -254,6 +278,12 @@ def _of_equations(task: Task) -> Iterator[Column]:
             residual = signals["residual"]
             unit = si_unit(residual.dimensions[equation.kind])
             yield Column(f"{owner}.residual", unit, residual.output, i)
+
+
+def _of_params(task: Task) -> Iterator[Column]:
+    """The columns of the params that may be set while a stage runs."""
+    for i, (name, param) in enumerate(task.live.items()):
+        yield Column(param_column(name), si_unit(param.dimension), "param", i)
 
 
 def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:

@@ -30,9 +30,11 @@ class RowKeeper:
         block: where the loop writes ticks.
     """
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, room: int = ROOM) -> None:
+        """Keeps the ticks of a bus; `room` is how many are collected before they are put aside."""
         fields = len(bus.array)
-        self.block: Block | None = Block.memory(ROOM, fields)
+        self.block: Block | None = Block.memory(room, fields)
+        self._room = room
         self._rows, self._array = self.block.rows, bus.array
         self._kept: list[Vector] = []
         self._used, self._by_code = 0, False
@@ -45,7 +47,7 @@ class RowKeeper:
     def advance(self, ticks: int) -> None:
         """Takes note of ticks that are in the block."""
         self._used += ticks
-        if self._used == ROOM:
+        if self._used == self._room:
             self._put_aside()
 
     def by_machine_code(self) -> None:
@@ -55,23 +57,35 @@ class RowKeeper:
     @property
     def left(self) -> int:
         """Ticks for which the block has room."""
-        return ROOM - self._used
+        return self._room - self._used
+
+    def latest(self, count: int) -> Vector:
+        """(count, fields) the newest ticks, the oldest first; no more than there is room for.
+
+        They are not to be written, and stay until the next ones come.
+        """
+        first = self._used - count
+        if first >= 0:
+            return self._rows[first : self._used]
+        return self._rows[np.arange(first, self._used) % self._room]
 
     def _put_aside(self) -> None:
+        self._kept.append(self._copied())
+        self._used = 0
+
+    def _copied(self) -> Vector:
+        """The ticks that are in the block, as they are kept."""
         used = self._rows[: self._used]
         in_memory = sum(part.nbytes for part in self._kept) + used.nbytes <= IN_MEMORY
         kept = np.empty(used.shape) if in_memory else empty(used.shape, np.float64)
         kept[...] = used
-        self._kept.append(kept)
-        self._used = 0
+        return kept
 
     def history(self, layout: LogLayout, stages: tuple[CompiledStage, ...]) -> History:
-        """All ticks, as the log would have them."""
-        if self._used:
-            self._put_aside()
+        """All ticks so far, as the log would have them."""
         if self._by_code:
             layout.by_machine_code()
-        columns = RowColumns(layout, self._kept)
+        columns = RowColumns(layout, [*self._kept, self._copied()] if self._used else [*self._kept])
         return History(columns, columns.stages(stages), columns.units)
 
 
@@ -90,6 +104,9 @@ class RowColumns(Mapping[str, Vector]):
                 raise KeyError(name)
             where = self._layout.place(name)
             self._made[name] = self._derived(name) if where is None else self._field(where)
+            if where is not None and self._layout.is_true(name):
+                # As in a log, a zero of a true signal has no sign.
+                self._made[name] += 0.0
         return self._made[name]
 
     def __contains__(self, name: object) -> bool:
@@ -108,8 +125,7 @@ class RowColumns(Mapping[str, Vector]):
     def _field(self, number: int) -> Vector:
         values, at = empty(self._ticks, np.float64), 0
         for part in self._parts:
-            # As in a log, a zero has no sign where a true signal is a number of the bus as it is.
-            values[at : at + len(part)] = part[:, number] + 0.0
+            values[at : at + len(part)] = part[:, number]
             at += len(part)
         return values
 

@@ -11,7 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.control.reference import opposite
+from taskspec.expression import evaluate, resolve
+from taskspec.expression.scope import CONSTANTS
+from taskspec.expression.tree import Name, Node
 from taskspec.geometry.axis import AXES
+from taskspec.program.algebra import CasadiAlgebra
 from taskspec.program.bound import RowFunction
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world import frames, kinematics
@@ -21,13 +25,18 @@ from taskspec.program.world.mechanisms import mechanism_models
 from taskspec.program.world.moving_base import moving_bases
 from taskspec.robot import RobotModel
 from taskspec.signals import MovingPose, ObjectState, Situation
+from taskspec.signals.table import MEASURED
 from taskspec.spec import Shape, Task
+from taskspec.spec.params import worths
 from taskspec_runner.record.bus import TRUE
+from taskspec_runner.record.named import column_of, param_column, scope_of
 
 if TYPE_CHECKING:
     from taskspec.native.rows import RowCode
 
 Vector = NDArray[np.float64]
+#: Expressions by a name, each by the stages in which it is one; it is 0 in the others.
+Formulas = Mapping[str, Mapping[str, Node]]
 
 
 class Truth:
@@ -50,6 +59,10 @@ class Truth:
         stages: Sequence[CompiledStage],
         fields: Mapping[str, slice],
         names: Sequence[str],
+        columns: Mapping[str, int],
+        *,
+        formulas: Formulas | None = None,
+        measured: bool = False,
     ) -> None:
         """Puts the formulas together, which are compiled at their first use.
 
@@ -59,16 +72,28 @@ class Truth:
             stages: of the program.
             fields: where the bus has each of its fields.
             names: of the signals.
+            columns: where the bus has those of the log that are numbers of it, by their names.
+            formulas: further ones that are no signals.
+            measured: whether they are to be as the controller has them: of its measurements, and of
+                objects as `task`, which is the nominal one then, declares them.
         """
         self.names, self.by_code = tuple(names), False
         row, self._places = _symbols(max(where.stop for where in fields.values()))
         parts = {name: row[where] for name, where in fields.items()}
         # Where encoders fail, what the controller has of them is not the truth.
         for name in list(parts):
-            if name.startswith(TRUE) and name != f"{TRUE}torque":
+            if name.startswith(TRUE) and name != f"{TRUE}torque" and not measured:
                 parts[name.removeprefix(TRUE)] = parts[name]
         objects = _objects(robot, task, parts)
-        kinds = [(stage.plan.axes, stage.plan.contacts.of_gap) for stage in stages]
+        formulas = formulas or {}
+        kinds = [
+            (
+                stage.plan.axes,
+                stage.plan.contacts.of_gap,
+                tuple(of_stage.get(stage.name) for of_stage in formulas.values()),
+            )
+            for stage in stages
+        ]
         distinct = list(dict.fromkeys(kinds))
         #: Number of the situation of each stage, and where the bus has the stage.
         # As it is brought to rest it has the number of the stage that was broken off, behind all
@@ -77,8 +102,13 @@ class Truth:
         self._stage = fields["stage"].start
         self._row = row
         self._situations = [_situation(parts, objects) for _ in distinct]
-        for at, (axes, contact) in zip(self._situations, distinct, strict=True):
+        counted = {name: row[place] for name, place in columns.items()}
+        for at, (axes, contact, nodes) in zip(self._situations, distinct, strict=True):
             at.axes, at.contact = axes, contact
+            if measured:
+                _as_measured(at, parts, counted)
+            for name, node in zip(formulas, nodes, strict=True):
+                at.known[name] = ca.SX(0) if node is None else _value(node, task, at, counted)
         self._made: dict[tuple[str, ...], tuple[_Signals, ...]] = {}
 
     def __call__(self, rows: Vector, names: tuple[str, ...] | None = None) -> Vector:
@@ -168,6 +198,51 @@ def _situation(symbols: Mapping[str, ca.SX], objects: Mapping[str, ObjectState])
         objects=objects,
         known={f"velocity.{axis}": symbols["velocity"][axis.row] for axis in AXES},
     )
+
+
+def _value(node: Node, task: Task, at: Situation, columns: Mapping[str, ca.SX]) -> ca.SX:
+    """An expression of a tick.
+
+    Args:
+        node: as a reward has it, or an expectation without a frame, a reducer or visits.
+        task: with its params.
+        at: the tool.
+        columns: what the log has as a number of the tick, by its name.
+    """
+    scope, algebra = scope_of(task), CasadiAlgebra(None, 1 / task.control.rate)
+    params = worths(task.params, algebra, lambda live: columns[param_column(live)])
+
+    def value(name: Name) -> ca.SX:
+        meaning = resolve(name.path, scope)
+        assert meaning is not None, name
+        if meaning.kind == "constant":
+            return ca.SX(CONSTANTS[meaning.name][0])
+        if meaning.kind == "param":
+            return params[meaning.name]
+        column = column_of(meaning)
+        found = columns.get(column)
+        if found is None and meaning.kind == "link":
+            # Plant and controller are one loop, or one waits for the other.
+            return ca.SX(0)
+        found = at.signal(*column.split(".")) if found is None else found
+        return ca.SX(np.nan) if found is None else found
+
+    return ca.SX(evaluate(node, algebra, value))
+
+
+def _as_measured(at: Situation, symbols: Mapping[str, ca.SX], columns: Mapping[str, ca.SX]) -> None:
+    """Gives a situation what the controller has measured, in place of the truth.
+
+    The wrench at the control point is that of the log, in the axes of the frame.
+    """
+    at.known |= columns
+    at.known |= {
+        name.removesuffix(f".{MEASURED}"): value
+        for name, value in columns.items()
+        if name.endswith(f".{MEASURED}")
+    }
+    force = symbols["force"]
+    at.applied = ca.vertcat(at.frame @ force[:3], at.frame @ force[3:])
 
 
 def _objects(robot: RobotModel, task: Task, symbols: Mapping[str, ca.SX]) -> dict[str, ObjectState]:

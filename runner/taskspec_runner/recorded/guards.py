@@ -27,11 +27,12 @@ from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import Stage
+from taskspec.spec.params import worths
 from taskspec.text.units import TIME, show
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.file_array import BLOCK_ROWS, counted
+from taskspec_runner.record.named import column_of, param_column
 from taskspec_runner.recorded.ticks import Ticks, filled
-from taskspec_runner.verdict.lookup import column_of
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -309,7 +310,7 @@ class GuardWalk:
         t: Vector,
     ) -> Series:
         if meaning.kind == "param":
-            return Series.one(self._params[meaning.name].value)
+            return self._param(stage, meaning.name, rows)
         if meaning.kind == "constant":
             return Series.one(CONSTANTS[meaning.name][0])
         if meaning.kind == "visits":
@@ -326,6 +327,17 @@ class GuardWalk:
                 "it, or state the stages by a column ('stage') or by times ('stages') in the map"
             )
         return Series(values[rows])
+
+    def _param(self, stage: CompiledStage, name: str, rows: slice) -> Series:
+        """The value of a param; of one that may be set what was recorded, else as declared."""
+
+        def slot(live: str) -> Series:
+            values = self._measured(param_column(live), self._columns_of(stage))
+            return Series.one(self._params[live].value) if values is None else Series(values[rows])
+
+        if not self._params[name].live:
+            return Series.one(self._params[name].value)
+        return worths(self._params, SeriesAlgebra(), slot)[name]
 
     def _measured(self, column: str, columns: Mapping[str, Vector]) -> Vector | None:
         """What a controller would have measured: the measured value where there is one beside."""

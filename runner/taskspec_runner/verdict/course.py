@@ -23,8 +23,9 @@ from taskspec.program.program import Program
 from taskspec.text.units import in_unit
 from taskspec_runner.record.file_array import counted, full
 from taskspec_runner.record.history import History, Mask, Vector
+from taskspec_runner.record.named import column_of, scope_of
 from taskspec_runner.verdict.explanation import Explainer
-from taskspec_runner.verdict.lookup import Lookup, column_of, scope_of
+from taskspec_runner.verdict.lookup import Lookup
 from taskspec_runner.verdict.replay import Replay
 
 

@@ -7,11 +7,12 @@ from taskspec.expression.series import Series, SeriesAlgebra
 from taskspec.program.program import Program
 from taskspec.spec import Expectation, Task
 from taskspec_runner.record.history import History
+from taskspec_runner.record.named import column_of, scope_of
 from taskspec_runner.verdict.condition_margins import ConditionMargins
 from taskspec_runner.verdict.diagnosed import line_of
 from taskspec_runner.verdict.explanation import Explainer, Explanation, Sides
 from taskspec_runner.verdict.judged import Broken, Judged, Margin, MeasuredValue
-from taskspec_runner.verdict.lookup import Elsewhere, Lookup, column_of, scope_of
+from taskspec_runner.verdict.lookup import Elsewhere, Lookup
 from taskspec_runner.verdict.replay import Replay
 
 
@@ -125,6 +126,9 @@ class _Examiner:
         inner = node.x if isinstance(node, tree.Held) else node
         sides = self._sides(inner)
         if not sides or any(self._lookup.measures(part) for part, _ in sides[1:]):
+            return None
+        if any(series.window is not None for _, series in sides[1:]):
+            # A bound that was set meanwhile is no line.
             return None
         signal, bounds = sides[0][0], [series.number for _, series in sides[1:]]
         reducer = signal.reducer if isinstance(signal, tree.Reduce) else ""

@@ -9,30 +9,19 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.expression import Meaning, Scope, ScopeKind, resolve, tree
+from taskspec.expression import Meaning, resolve, tree
 from taskspec.expression.scope import CONSTANTS
-from taskspec.expression.series import Series
+from taskspec.expression.series import Series, SeriesAlgebra
 from taskspec.spec import Task
+from taskspec.spec.params import slots_of, worths
 from taskspec_runner.record.file_array import full
 from taskspec_runner.record.history import History, NotRecordedError
+from taskspec_runner.record.named import column_of, param_column, scope_of
 
 Vector = NDArray[np.float64]
 
 #: name, axis, frame -> (n,) the signal in the axes of that frame.
 Elsewhere = Callable[[str, str | None, str], Vector]
-
-
-def scope_of(task: Task) -> Scope:
-    """The names that the expectations of a task may use."""
-    return Scope(
-        ScopeKind.EXPECT,
-        task.params,
-        frozenset(task.stages),
-        {name: thing.kind for name, thing in task.world.items()},
-        frozenset(
-            ("world", "tool", *task.world, *task.frames, *(f"{m}.handle" for m in task.mechanisms))
-        ),
-    )
 
 
 class Lookup:
@@ -48,6 +37,7 @@ class Lookup:
         self._params = task.params
         self._history, self._elsewhere = history, elsewhere
         self._scope = scope_of(task)
+        self._worths: dict[str, Series] = {}
 
     def meaning(self, name: tree.Name) -> Meaning:
         """The meaning of a checked name."""
@@ -59,7 +49,7 @@ class Lookup:
         """The value of a name; a signal without one is NaN and says why."""
         meaning = self.meaning(name)
         if meaning.kind == "param":
-            return Series.one(self._params[meaning.name].value)
+            return self._param(meaning.name)
         if meaning.kind == "constant":
             return Series.one(CONSTANTS[meaning.name][0])
         if meaning.kind == "visits":
@@ -76,6 +66,21 @@ class Lookup:
         missing = window & np.isnan(values)
         gaps = (self._missing(name, meaning, missing),) if missing.any() else ()
         return Series(values, window, gaps)
+
+    def _param(self, name: str) -> Series:
+        """The value of a param; of one that may be set, or follows from such, at every tick."""
+        if not self._params[name].live:
+            return Series.one(self._params[name].value)
+        if not self._worths:
+            self._worths = worths(self._params, SeriesAlgebra(), self._slot)
+        return self._worths[name]
+
+    def _slot(self, name: str) -> Series:
+        """The value at every tick of a param that may be set; declared where none is recorded."""
+        values = self._history.columns.get(param_column(name))
+        if values is None:
+            return Series.one(self._params[name].value)
+        return Series(values, self._history.window(None))
 
     def within(self, root: tree.Node) -> Callable[[tree.Name], Series]:
         """This lookup for one expression, in which a norm leaves out what has no value.
@@ -120,12 +125,18 @@ class Lookup:
         match condition:
             case tree.WithinNode():
                 return condition.x, condition.low, condition.high
-            case tree.Compare() if self.measures(condition.left):
+            case tree.Compare(left=left, right=right) if self.measures(left) or (
+                self._is_live(left) and not self.measures(right)
+            ):
                 return condition.left, condition.right
             case tree.Compare():
                 return condition.right, condition.left
             case _:
                 return ()
+
+    def _is_live(self, root: tree.Node) -> bool:
+        """Whether an expression follows from a param that may be set."""
+        return bool(slots_of(self._params, root))
 
     def unrecorded(self, root: tree.Node) -> tuple[str, ...]:
         """Columns that an expression needs and that were not recorded, in its order."""
@@ -179,21 +190,3 @@ class Lookup:
         reason = f" ({absent})" if absent else ""
         hint = "" if meaning.stage or len(where) > 3 else "; name the stage with it"
         return f"{name} has no value in {stages}{reason}{hint}"
-
-
-def column_of(meaning: Meaning) -> str:
-    """The log's name of a signal, or of what it has beside it."""
-    name = _signal_of(meaning)
-    return f"{name}.{meaning.beside}" if meaning.beside else name
-
-
-def _signal_of(meaning: Meaning) -> str:
-    if meaning.kind == "joint":
-        return f"joint.{meaning.subject}.{meaning.name}"
-    if meaning.kind == "object":
-        return f"{meaning.subject}.{meaning.name}"
-    if meaning.kind == "gain":
-        return f"gain.{meaning.name}.{meaning.subject}"
-    if meaning.kind == "link":
-        return f"link.{meaning.name}"
-    return f"{meaning.name}.{meaning.axis}" if meaning.axis else meaning.name

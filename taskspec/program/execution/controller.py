@@ -14,6 +14,7 @@ from taskspec.native.quadratic import INFEASIBLE, SOLVED, solve
 from taskspec.program.evaluation import evaluate
 from taskspec.program.execution.controller_memory import ControllerMemory
 from taskspec.program.execution.exits import RESTS, enter, follows
+from taskspec.program.execution.live_params import move
 from taskspec.program.execution.pivots import select
 from taskspec.program.execution.stage_solver import EXACT, HELD_TICKS, WORST_RESIDUAL
 from taskspec.program.limits.holding import hold
@@ -50,6 +51,7 @@ def _measure(c: ControllerMemory) -> None:
         copy(c.zeroed_wrench, c.wrench, 6)
     now[0] = float(c.stage_ticks) * c.period
     now[1] = float(c.ticks) * c.period
+    move(c.live, now[1])
 
 
 def _law(c: ControllerMemory) -> bool:

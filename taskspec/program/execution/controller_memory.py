@@ -15,6 +15,7 @@ from taskspec.program.evaluation import Evaluation, Evaluations
 from taskspec.program.events import FAIL_IF, REACTION
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.exits import ExitTable
+from taskspec.program.execution.live_params import LiveTable
 from taskspec.program.limits.holding import Holding
 from taskspec.program.limits.relaxing import Relaxing
 from taskspec.program.ports import HANDED, fields, slices
@@ -54,6 +55,9 @@ class ControllerMemory(Evaluations):
 
     # which stage follows
     exits: ExitTable
+
+    # params that may be set while it runs
+    live: LiveTable
 
     # how far it is
     ticks: int  # of the run
@@ -224,7 +228,7 @@ def _shared(machine: Machine) -> ControllerMemory:
     record.terms = Evaluation(machine.terms.bound)
     inertia, _, gravity, _, position, rotation, _ = machine.terms.arrays
     handed, stages = slices(HANDED), [runner.stage for runner in machine.runners]
-    record.exits = machine.counts
+    record.exits, record.live = machine.counts, machine.live.table
     record.take(
         inertia=inertia,
         gravity=gravity,

@@ -22,6 +22,7 @@ from taskspec.program.execution.exits import (
     repeats,
 )
 from taskspec.program.execution.fade_out import FadeOut, unanswered
+from taskspec.program.execution.live_params import LiveParams
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.execution.stage_runner import StageRunner
 from taskspec.program.execution.stage_solver import (
@@ -31,7 +32,14 @@ from taskspec.program.execution.stage_solver import (
     no_own_solver,
 )
 from taskspec.program.execution.transition import FAIL, Exit, Transition, exits
-from taskspec.program.ports import HANDED, INTERNAL, fields_of, slices
+from taskspec.program.ports import (
+    HANDED,
+    INTERNAL,
+    fields_of,
+    first_live,
+    now_at_start,
+    slices,
+)
 from taskspec.program.reference.axis_plan import not_finite
 from taskspec.program.stages import hand_over
 from taskspec.program.stages.stage import CompiledStage
@@ -85,7 +93,9 @@ class Machine:
         drives: what the joints are commanded.
         rest: (n,) what an arm at rest is commanded: the torques that carry it, no
             velocity, or where it stands.
-        now: stage time, run time [s], and how often each stage has been entered.
+        now: stage time, run time [s], how often each stage has been entered, and the params that
+            may be set, with their rates.
+        live: these params.
         estimation: what is measured for later stages.
         counts: which stage follows an event, and how often stages have been entered.
         handed: the numbers of `HANDED`, as the current stage got them.
@@ -123,7 +133,10 @@ class Machine:
         self.terms = terms(robot, self.q, self.v)
         self.drives = stages[0].plan.context.drives
         self.rest = self.terms.gravity if self.drives.torques else np.zeros(robot.n)
-        self.now = np.zeros(2 + len(stages))
+        task = stages[0].plan.context.loaded.task
+        self.now = now_at_start(task)
+        self.live = LiveParams(task.live, self.now, first_live(task))
+        self._moves = bool(self.live)
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.handed = np.zeros(hand_over.SIZE)
         self.applied, self.earlier, self.last = np.zeros((3, len(self.torque)))
@@ -219,6 +232,8 @@ class Machine:
         ticks = self.stage_ticks
         now[0] = t = self.t = ticks * self.period
         now[1] = clock
+        if self._moves:
+            self.live.move(clock)
         if t >= runner.tracks.next_knot:
             runner.refresh(t)
         if outputs[_CONDITIONING] < runner.least_conditioning:
@@ -250,6 +265,7 @@ class Machine:
         """
         self.update_terms()
         self.now[1] = clock
+        self.live.move(clock)
         self.runner.tick.evaluate()
 
     def has_run(self, ticks: int) -> None:

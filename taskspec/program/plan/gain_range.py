@@ -9,7 +9,7 @@ from taskspec.expression.tree import Name
 from taskspec.program.context import Context
 from taskspec.program.interval import Interval
 from taskspec.program.reference.path_share import values_within
-from taskspec.program.signals import constant
+from taskspec.program.signals import declared
 from taskspec.spec import Stage
 
 
@@ -45,9 +45,9 @@ class GainRange:
         return evaluate(expression.tree, FloatAlgebra(), self._start)
 
     def _start(self, name: Name) -> float:
-        known = constant(self._context, name)
+        known = declared(self._context, name)
         if known is not None:
-            return known.low
+            return known
         text = str(name)
         of = self._contact if text == "gap" else text.removesuffix(".gap")
         return float(self._context.start_gaps.get(of or "", 0.0)) if text.endswith("gap") else 0.0

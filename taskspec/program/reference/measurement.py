@@ -31,6 +31,8 @@ from taskspec.program.world.moving_base import BaseMotion
 from taskspec.robot import model_terms
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.signals import ObjectState
+from taskspec.spec import Task
+from taskspec.spec.params import worths
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +109,8 @@ def measure(plan: StagePlan) -> Measurement:
     inputs = _inputs(context)
     memory, parameters = Slots("memory"), Slots("parameters")
     infeasible = infeasible_of(requested(plan.law, plan.plans, plan.active), parameters)
-    clock = Clock(inputs.now[0], inputs.now[1])
+    task = context.loaded.task
+    clock = _clock(task, inputs)
     world, now = inputs.terms, clock.clock
 
     tracked = tracked_mechanism(context, frame, world, clock, memory, parameters)
@@ -123,7 +126,6 @@ def measure(plan: StagePlan) -> Measurement:
     elsewhere = signals.SignalsElsewhere(
         robot, context.frames, world, inputs.wrench, offset, context.moving_bases, now, parameters
     )
-    task = context.loaded.task
     situation = placed.situation(plan.axes)
     situation.t = clock.t
     situation.force_inconsistent = infeasible.size()
@@ -176,7 +178,7 @@ def measure(plan: StagePlan) -> Measurement:
         rows=rows,
         reactions=measured,
         gaps=gaps,
-        table=SignalTable(situation, _constants(context), elsewhere),
+        table=SignalTable(situation, _constants(task, clock), elsewhere),
         infeasible=infeasible,
         varying_gains=task.varying_gains,
         tracks=tracked_frames.NUMBERS[frame.tracking.of] if frame.tracking is not None else 0.0,
@@ -184,8 +186,9 @@ def measure(plan: StagePlan) -> Measurement:
 
 
 def _inputs(context: Context) -> ports.Inputs:
-    n, stages = context.robot.n, context.loaded.task.stages
-    now, q, v = (ca.SX.sym(s, size) for s, size in (("now", 2 + len(stages)), ("q", n), ("v", n)))
+    n, task = context.robot.n, context.loaded.task
+    size = len(ports.now_at_start(task))
+    now, q, v = (ca.SX.sym(s, size) for s, size in (("now", size), ("q", n), ("v", n)))
     return ports.Inputs(
         now=now,
         q=q,
@@ -196,9 +199,24 @@ def _inputs(context: Context) -> ports.Inputs:
     )
 
 
-def _constants(context: Context) -> dict[str, ca.SX]:
-    params = context.loaded.task.params
-    return constants({name: quantity.value for name, quantity in params.items()})
+def _clock(task: Task, inputs: ports.Inputs) -> Clock:
+    """Time, and the params that go on with it."""
+    t, clock, live = inputs.now[0], inputs.now[1], len(task.live)
+    if not live:
+        return Clock(t, clock)
+    first = ports.first_live(task)
+    return Clock(t, clock, inputs.now[first : first + live], inputs.now[first + live :])
+
+
+def _constants(task: Task, clock: Clock) -> dict[str, ca.SX]:
+    """Params and pi; those that may be set are inputs of the tick."""
+    places = {name: i for i, name in enumerate(task.live)}
+
+    def slot(name: str) -> ca.SX:
+        assert clock.live is not None
+        return clock.live[places[name]]
+
+    return constants(worths(task.params, CasadiAlgebra(None, 0.0), slot))
 
 
 def _normal(

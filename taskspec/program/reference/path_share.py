@@ -13,9 +13,9 @@ from taskspec.expression import Expression, FloatAlgebra, evaluate
 from taskspec.expression.tree import Name
 from taskspec.motion.path import PathShape
 from taskspec.program.context import Context
-from taskspec.program.interval import ANY, Interval, IntervalAlgebra, point
+from taskspec.program.interval import ANY, Interval, IntervalAlgebra
 from taskspec.program.known_value import KnownValues
-from taskspec.program.signals import entry_of
+from taskspec.program.signals import constant, declared, entry_of
 from taskspec.spec import Stage
 
 #: A time at which what rises with t has risen [s].
@@ -39,8 +39,7 @@ def values_within(
     def bounds(name: Name) -> Interval:
         found = entry_of(task, name.path)
         if found is None:
-            known = _constant(context, name)
-            return ANY if known is None else point(known)
+            return constant(context, name) or ANY
         signal = found.signal
         natural = Interval(signal.low, longest if signal.name == "t" else signal.high)
         most = getattr(limits, signal.limit) if signal.limit else None
@@ -71,7 +70,7 @@ def nominal_share(
     forces = _nominal_forces(stage, known)
 
     def nominal(name: Name) -> float:
-        worth = _constant(context, name)
+        worth = declared(context, name)
         return forces.get(str(name).partition(" ")[0], 0.0) if worth is None else worth
 
     value = evaluate(path.slowed.tree, FloatAlgebra(), nominal) / path.speed
@@ -93,10 +92,3 @@ def _nominal_forces(stage: Stage, known: KnownValues) -> Mapping[str, float]:
     if any(found.get(f"force.{a}") for a in "xyz"):
         found["touching"] = 1.0
     return found
-
-
-def _constant(context: Context, name: Name) -> float | None:
-    text, params = str(name), context.loaded.task.params
-    if text == "pi":
-        return math.pi
-    return params[text].value if text in params else None

@@ -105,6 +105,7 @@ def outputs(
         _by_equation(measurement, forces.residuals),
         ca.SX.nan(followed) if joints is None else joints.position,
         _gains(measurement, commanded),
+        ca.SX(0, 1) if measurement.clock.live is None else measurement.clock.live,
     )
 
 
