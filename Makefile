@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
 .PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid referee check
-.PHONY: clean bounds interface
+.PHONY: clean bounds interface insertion peg-policy
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -108,6 +108,12 @@ tsid:  ## an environment with TSID, for the referee
 	$(PYTHON) -m venv .tsid
 	.tsid/bin/pip install -q --only-binary :all: tsid==1.7.1 pin==3.4.0 eiquadprog==1.2.9
 	.tsid/bin/pip install -q "cmeel-urdfdom<5" "cmeel-tinyxml2<11"
+
+insertion: $(READY)  ## contacts in cuts against closed form, a tight peg in 1100 worlds; writes docs/insertion.md
+	$(BIN)/python campaigns/insertion.py
+
+peg-policy: $(READY)  ## a policy on a task file, the file alone, the learner without it; writes docs/insertion.md
+	$(BIN)/python campaigns/peg_policy.py --page docs/insertion.md
 
 interface: $(READY)  ## the same tasks by torques, velocities and positions; writes docs/interface.md
 	$(BIN)/python benchmarks/bench_interface.py
