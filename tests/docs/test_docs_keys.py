@@ -48,6 +48,7 @@ from taskspec.spec.quantities import (
     IntervalAroundZero,
     QuantityList,
 )
+from taskspec.spec.reward import Reward
 from taskspec.spec.robot import Flange, Noise, Payload, Pose, Sensor, Start, Tool
 from taskspec.spec.servo import Servo
 from taskspec.spec.set_point import SetPoint
@@ -90,6 +91,7 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "control": (Control,),
     "payload": (Payload,),
     "sweep": (Sweep,),
+    "reward": (Reward,),
     "fault": (Fault,),
 }
 

@@ -54,8 +54,8 @@ def make(
             name of an axis to what is added to it, as `{"z": "force +- 5 N"}`; to a list of such.
             With `at 50 N/s` behind it that goes no faster. None for all live params.
         observe: names of signals, as guards have them, with `.ref` behind them their references,
-            with `.true` as they truly are. A bare name means all of its components, `joint.position`
-            all joints, `param` all live params, `stage` one number for each stage. A mapping says
+            with `.true` as they truly are. A bare name means all components, `joint.position` all
+            joints, `param` all live params, `stage` one number for each stage. A mapping says
             how many of the newest ticks of each. None for force, motion, live params, stage, t.
         worlds: whether every episode is in another random world of `vary`.
         reward: of what is observed, by name, and of `info`; None for `reward` of the file, or at

@@ -31,7 +31,7 @@ _RESIDUAL = re.compile(r"\s*(\w+)\s*(?:\+-|±)\s*(.+?)(?:\s+at\s+(.+?))?\s*\Z")
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
+class ActionChannel:
     """One number of an action.
 
     Attributes:
@@ -152,7 +152,7 @@ def _residuals(name: str, what: Any) -> Iterator[Residual]:
         yield Residual(axis, key, f"+- {half}", rate or "")
 
 
-def _of_param(loaded: LoadedTask, name: str) -> Channel:
+def _of_param(loaded: LoadedTask, name: str) -> ActionChannel:
     task = loaded.task
     live = task.live
     if name not in live:
@@ -189,7 +189,7 @@ def _names(node: Node, names: set[str]) -> bool:
     return any(has_word(scalar, name) for scalar in scalars(node) for name in names)
 
 
-def _of_residual(before: Task, task: Task, residual: Residual) -> Channel:
+def _of_residual(before: Task, task: Task, residual: Residual) -> ActionChannel:
     stages = residual.stages_of(before)
     if not stages:
         named = f"{residual.key} on {residual.axis}"
@@ -199,11 +199,11 @@ def _of_residual(before: Task, task: Task, residual: Residual) -> Channel:
     return _channel(name, param, task.live[param], frozenset(stages))
 
 
-def _channel(name: str, param: str, found: LiveParam, stages: Iterable[str]) -> Channel:
-    return Channel(name, param, found.value, found.low, found.high, frozenset(stages))
+def _channel(name: str, param: str, found: LiveParam, stages: Iterable[str]) -> ActionChannel:
+    return ActionChannel(name, param, found.value, found.low, found.high, frozenset(stages))
 
 
-def _check_different(channels: Sequence[Channel]) -> None:
+def _check_different(channels: Sequence[ActionChannel]) -> None:
     names = [each.name for each in channels]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:

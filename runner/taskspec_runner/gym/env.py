@@ -14,7 +14,7 @@ from taskspec.spec import LoadedTask
 from taskspec_runner.errors import InputError
 from taskspec_runner.gym.actions import Act
 from taskspec_runner.gym.episode import Episode
-from taskspec_runner.gym.observations import Observer
+from taskspec_runner.gym.observations import ObservedTicks
 from taskspec_runner.gym.rewards import FAILED, MISSED, PASSED, STOPPED, RewardFunction, StepEnd
 from taskspec_runner.gym.setup import Setup
 from taskspec_runner.loop.fixed_step import DONE
@@ -81,7 +81,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.observation_space = self.setup.observations.space
         self.render_mode, self._size = render_mode, size
         self.episode: Episode | None = None
-        self._observer: Observer | None = None
+        self._observer: ObservedTicks | None = None
         self._pictures: EpisodePictures | None = None
         self._seed: int | None = None
         self._number, self._over = 0, True
@@ -107,7 +107,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._draw(seed, dict(options or {}))
         assert self._seed is not None
         world = self.setup.world(self._seed, self._number)
-        self.episode = self.setup.episode(world)
+        self.episode = self.setup.episode(world, self.episode)
         self._observer = self.setup.observations.of_world(world.task)
         self._over = False
         self._seen = self._observer(self.episode.rows())
@@ -218,7 +218,7 @@ def _verdict(trial: Trial) -> str:
 def _end(trial: Trial, verdict: str, decided: Mapping[str, bool]) -> dict[str, Any]:
     """What is known at the end of an episode; of one that is broken off, what is decided."""
     status, judged = trial.outcome.status, trial.judged
-    known = {
+    known: dict[str, bool | None] = {
         e.title: e.passed if status == DONE or (e.missed and status != OPEN) else None
         for e in judged
     }
@@ -226,7 +226,7 @@ def _end(trial: Trial, verdict: str, decided: Mapping[str, bool]) -> dict[str, A
         "verdict": verdict,
         "reason": trial.outcome.reason,
         "text": trial.outcome.text,
-        "expect": known | decided,
+        "expect": {**known, **decided},
         "margins": {
             e.title: min((m.left for m in e.margins if m.left is not None), default=None)
             for e in judged

@@ -9,8 +9,9 @@ from taskspec.program.program import Program
 from taskspec.program.worlds import World
 from taskspec_runner.gym.hush import HUSH
 from taskspec_runner.gym.true_values import Values
-from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.assembly import Assembly, assemble
 from taskspec_runner.loop.fixed_step import PYTHON, Outcome, Steps
+from taskspec_runner.plant.plant import Plant
 from taskspec_runner.record.layout import LogLayout
 from taskspec_runner.record.rows import RowKeeper
 from taskspec_runner.trial.trial import OPEN, Trial
@@ -38,6 +39,7 @@ class Episode:
         every: int,
         kept: int,
         loop: str | None = None,
+        before: Episode | None = None,
     ) -> None:
         """Builds the plant and enters the first stage; no tick is run.
 
@@ -50,6 +52,7 @@ class Episode:
             every: ticks of a step.
             kept: how many of the newest ticks are shown.
             loop: as `run` has it.
+            before: one that is over, whose controller is taken.
 
         Raises:
             InputError: what the robot holds is where it cannot hold it.
@@ -62,7 +65,9 @@ class Episode:
         )
         self._every, self._kept = every, kept
         with HUSH:
-            parts = self._parts = assemble(program, world)
+            last = None if before is None else before._parts
+            parts = assemble(program, world, before=last)
+            self._parts: Assembly[Plant] = parts
             room = every * -(-max(_ROOM, every, kept) // every)
             self._keeper = RowKeeper(parts.bus, room)
             faults = parts.faults
@@ -78,6 +83,7 @@ class Episode:
                 faults=faults,
             )
             self._steps.advance(0)
+        self._transitions = parts.machine.transitions
         #: The values of the formulas at the ticks of the last step.
         self.watched = np.zeros((0, 0 if watched is None else len(watched.names)))
         self._first = parts.bus.array.copy()
@@ -152,7 +158,7 @@ class Episode:
 
     def trial(self) -> Trial:
         """The run so far, as one that was made in memory."""
-        outcome, machine = self.outcome, self._parts.machine
+        outcome = self.outcome
         if outcome is None:
             text = f"broken off after {self._steps.clock:.4g} s"
             outcome = Outcome(OPEN, OPEN, text, self.stage, self._steps.clock, self.ticks)
@@ -160,4 +166,4 @@ class Episode:
             outcome = self._steps.finish()
         layout = LogLayout.of(self.program, self.world.task)
         history = self._keeper.history(layout, self.program.stages)
-        return Trial(self.program, self.world, outcome, history, tuple(machine.transitions))
+        return Trial(self.program, self.world, outcome, history, tuple(self._transitions))

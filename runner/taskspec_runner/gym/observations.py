@@ -146,9 +146,9 @@ class Observations:
             found = self._row_of[ticks] = np.array(back) + ticks
         return found
 
-    def of_world(self, task: Task) -> Observer:
+    def of_world(self, task: Task) -> ObservedTicks:
         """What shows the ticks of an episode in the world of a task."""
-        return Observer(self, self._of_world.of(task))
+        return ObservedTicks(self, self._of_world.of(task))
 
     def _all(self, asked: Mapping[str, int]) -> Iterator[Observed]:
         seen: set[str] = set()
@@ -233,7 +233,7 @@ class Observations:
         return meaning
 
 
-class Observer:
+class ObservedTicks:
     """Shows the ticks of one episode."""
 
     def __init__(self, what: Observations, true: Values | None) -> None:

@@ -114,8 +114,8 @@ class Setup:
         context = self.program.context
         return random_world(context, seed, number) if self.worlds else true_world(context, seed)
 
-    def episode(self, world: World) -> Episode:
-        """A run in a world, at its start."""
+    def episode(self, world: World, before: Episode | None = None) -> Episode:
+        """A run in a world, at its start; `before` is one that is over, and not used any more."""
         with _BUILDING:
             return Episode(
                 self.program,
@@ -125,4 +125,5 @@ class Setup:
                 self.every,
                 self.observations.ticks,
                 self._loop,
+                before,
             )

@@ -60,7 +60,11 @@ class Assembly(Generic[P]):
 
 
 def assemble(
-    program: Program, world: World | None = None, *, linked: bool = False
+    program: Program,
+    world: World | None = None,
+    *,
+    linked: bool = False,
+    before: Assembly[Plant] | None = None,
 ) -> Assembly[Plant]:
     """Builds the plant at the start of a run, and a fresh machine, on one bus.
 
@@ -68,21 +72,30 @@ def assemble(
         program: the compiled task.
         world: that the plant is; None for the one that the file says is true.
         linked: whether its ticks have a `link`, as `Bus` has it.
+        before: of a run of the same program that is over; its machine and bus are taken, where that
+            leaves nothing of it.
 
     Raises:
         InputError: what the robot holds is where it cannot hold it.
     """
     context = program.context
     world = true_world(context) if world is None else world
-    bus = Bus(context.robot.n, world.task, linked=linked)
+    again = before is not None and before.program is program and before.machine.renewable
+    bus = before.bus if before and again else Bus(context.robot.n, world.task, linked=linked)
+    bus.array[:] = 0.0
     try:
         start = truly_holding(context, world.task)
     except RobotError as error:
         raise InputError(error.message) from error
     plant = Plant(context.robot, world.task, start, bus.truth)
-    measured = (np.zeros(6), np.zeros(len(context.equations)))
-    views = (bus.view("q"), bus.view("v"), *measured, bus.commanded, bus.outputs)
-    machine = program.machine(views, own=dual_solver)
+    if before and again:
+        machine = before.machine
+        machine.renew()
+        # The plant has written its state into the bus, not what the machine measures.
+    else:
+        measured = (np.zeros(6), np.zeros(len(context.equations)))
+        views = (bus.view("q"), bus.view("v"), *measured, bus.commanded, bus.outputs)
+        machine = program.machine(views, own=dual_solver)
     faults = None
     if world.task.truth.faults:
         # Most tasks have none, and need nothing of them.

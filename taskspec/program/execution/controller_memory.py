@@ -212,8 +212,10 @@ class ControllerMemory(Evaluations):
 
 def controller_memories(machine: Machine) -> tuple[ControllerMemory, ...]:
     """The memory of each stage of a machine, which the kernel then shares with it."""
-    shared = _shared(machine)
-    return tuple(_of_stage(shared, machine, runner) for runner in machine.runners)
+    if machine.memories is None:
+        shared = _shared(machine)
+        machine.memories = tuple(_of_stage(shared, machine, each) for each in machine.runners)
+    return machine.memories
 
 
 def _shared(machine: Machine) -> ControllerMemory:

@@ -107,6 +107,13 @@ class LiveParams:
             began=np.zeros(n),
         )
 
+    def renew(self) -> None:
+        """Has them be as they are declared, in a run that begins; `now` is as it is at a start."""
+        table = self.table
+        for array in (table.targets, table.begins):
+            np.asarray(array)[:] = table.values
+        np.asarray(table.began)[:] = 0.0
+
     def __bool__(self) -> bool:
         """Whether there are any."""
         return bool(self._places)

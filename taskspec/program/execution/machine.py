@@ -151,13 +151,46 @@ class Machine:
         )
         self._exits = exits(stages)
         self.counts = exit_table(stages)
+        self.followed = True
+        self.groups = True
+        #: What the kernel shares with it; see `controller_memory`.
+        self.memories: tuple[Any, ...] | None = None
+        self._declared = self.now.copy()
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
         self.index, self.t = 0, 0.0
         self.stage_ticks = 0
         self.runner = self.runners[0]
         self.ended = ""
         self.transitions: list[Transition] = []
-        self.followed = True
-        self.groups = True
+
+    @property
+    def renewable(self) -> bool:
+        """Whether `renew` leaves nothing of a run: solvers, choosers and estimates remember it."""
+        remembers = (each.solver or each.chooser for each in self.runners)
+        return self.estimation.estimates is None and not any(remembers)
+
+    def renew(self) -> None:
+        """Makes it as it was before a run, on the same arrays: to build one takes longer.
+
+        What a stage has of its own its entry writes anew.
+        """
+        assert self.renewable
+        for array in (self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs):
+            array[:] = 0.0
+        for array in (self.handed, self.applied, self.earlier, self.last):
+            array[:] = 0.0
+        self.now[:] = self._declared
+        self.live.renew()
+        self._fading.reset()
+        if self.sensor is not None:
+            self.sensor.renew()
+        for counted in (self.counts.tries, self.counts.rounds):
+            np.asarray(counted)[:] = 0
+        for runner in self.runners:
+            runner.renew()
+        self._begin_anew()
 
     @property
     def stage(self) -> CompiledStage:

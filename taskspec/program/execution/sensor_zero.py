@@ -62,6 +62,12 @@ class SensorZero:
         force = self._mass * (R.T @ ca.DM(_GRAVITY))
         return ca.vertcat(force, ca.cross(ca.DM(self._lever), force))
 
+    def renew(self) -> None:
+        """Makes it as it was before a run."""
+        for array in (self.reading, self.zero, self.turned, self.left, self.wrench):
+            array[:] = 0.0
+        self.begin()
+
     def begin(self) -> None:
         """Forgets what has been collected."""
         self.total[:], self.count[:] = 0.0, 0.0

@@ -99,6 +99,13 @@ class StageRunner:
                 stage.resolution, slots, arguments, parameters, handed_over, torque, outputs, own
             )
 
+    def renew(self) -> None:
+        """Forgets all visits."""
+        for array in (self.memory, self.parameters, self._next_memory, self.poses, self.carried):
+            array[:] = 0.0
+        self.tracks.forget()
+        self.tracks.next_knot = np.inf
+
     def enter(self, poses: Mapping[str, Vector], applied: Vector, earlier: Vector) -> None:
         """Begins the stage from what is handed over.
 
