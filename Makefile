@@ -112,8 +112,8 @@ tsid:  ## an environment with TSID, for the referee
 insertion: $(READY)  ## contacts in cuts against closed form, a tight peg in 1100 worlds; writes docs/insertion.md
 	$(BIN)/python campaigns/insertion.py
 
-peg-policy: $(READY)  ## a policy on a task file, the file alone, the learner without it; writes docs/insertion.md
-	$(BIN)/python campaigns/peg_policy.py --page docs/insertion.md
+peg-policy: $(READY)  ## a policy on a task file, the file alone, the learner without it; writes docs/how-to/learning.md
+	$(BIN)/python campaigns/peg_policy.py --page docs/how-to/learning.md
 
 interface: $(READY)  ## the same tasks by torques, velocities and positions; writes docs/interface.md
 	$(BIN)/python benchmarks/bench_interface.py

@@ -3,10 +3,10 @@
 Both learners are CMA-ES on the weights of a = tanh(W f) with f the measured force, the depth of
 the peg, the time and 1, twenty times a second. With W = 0 an action is 0, which is what
 the file does by itself. `make peg-policy` trains each with five seeds and writes the table of
-docs/insertion.md; what was trained is kept below runs/peg-policy, so that a campaign that
+docs/how-to/learning.md; what was trained is kept below runs/peg-policy, so that a campaign that
 was broken off goes on.
 
-    python campaigns/peg_policy.py --seeds 5 --generations 12 --page docs/insertion.md
+    python campaigns/peg_policy.py --seeds 5 --generations 12 --page docs/how-to/learning.md
 """
 
 from __future__ import annotations
@@ -108,17 +108,22 @@ def nothing(env: TaskEnv) -> Policy:
     return Policy(np.zeros((env.action_space.shape[0], FEATURES)))
 
 
-def episode(env: TaskEnv, policy: Policy, seed: int, number: int) -> tuple[float, Seating]:
-    """The return of a policy in a world, and what became of the peg."""
+def episode(env: TaskEnv, policy: Policy, seed: int, number: int) -> float:
+    """The return of a policy in a world."""
     seen, _ = env.reset(seed=seed, options={"world": number})
     earned, over = 0.0, False
     while not over:
         seen, reward, terminated, truncated, _ = env.step(policy(seen))
         earned, over = earned + reward, terminated or truncated
+    return earned
+
+
+def seated(env: TaskEnv) -> Seating:
+    """What became of the peg in the last episode."""
     assert env.episode is not None
     run = env.episode.trial()
     nominal = float(env.setup.program.context.loaded.task.shapes[HOLE].xyz[2])
-    return earned, seating(run.history, run.world, nominal)
+    return seating(run.history, run.world, nominal)
 
 
 def train(env: TaskEnv, seed: int, generations: int) -> Iterator[tuple[float, Policy]]:
@@ -133,7 +138,7 @@ def train(env: TaskEnv, seed: int, generations: int) -> Iterator[tuple[float, Po
         candidates = search.ask()
         worlds = [generation * TRIED + i for i in range(TRIED)]
         earned = [
-            np.mean([episode(env, Policy(c.reshape(shape)), 1000 + seed, w)[0] for w in worlds])
+            np.mean([episode(env, Policy(c.reshape(shape)), 1000 + seed, w) for w in worlds])
             for c in candidates
         ]
         search.tell(candidates, [-each for each in earned])
@@ -161,9 +166,11 @@ def trained(learner: Learner, env: TaskEnv, seed: int, generations: int, kept: P
     return policy
 
 
-def judged(env: TaskEnv, policy: Policy, worlds: int) -> list[Seating]:
+def judged(env: TaskEnv, policy: Policy, worlds: int) -> Iterator[Seating]:
     """The pegs of a policy in the worlds that judge."""
-    return [episode(env, policy, JUDGED, number)[1] for number in range(worlds)]
+    for number in range(worlds):
+        episode(env, policy, JUDGED, number)
+        yield seated(env)
 
 
 def say(line: str) -> None:
@@ -178,10 +185,10 @@ def rows(seeds: int, generations: int, worlds: int, kept: Path) -> Iterator[list
     for learner in LEARNERS:
         env = learner.env()
         if learner is LEARNERS[0]:
-            yield ["the file alone", "", *cells(judged(env, nothing(env), worlds))]
+            yield ["the file alone", "", *cells(list(judged(env, nothing(env), worlds)))]
         for seed in range(1, seeds + 1):
             policy = trained(learner, env, seed, generations, kept)
-            yield [learner.name, str(seed), *cells(judged(env, policy, worlds))]
+            yield [learner.name, str(seed), *cells(list(judged(env, policy, worlds)))]
 
 
 def main() -> None:

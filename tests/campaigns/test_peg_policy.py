@@ -22,7 +22,8 @@ def on_file():
 def test_without_actions_the_peg_is_seated_as_by_the_file(on_file):
     file = peg_policy.LEARNERS[0].file
     (by_itself,) = seatings.seatings(file, {}, 3, 1)
-    earned, found = peg_policy.episode(on_file, peg_policy.nothing(on_file), 3, 0)
+    earned = peg_policy.episode(on_file, peg_policy.nothing(on_file), 3, 0)
+    found = peg_policy.seated(on_file)
     assert found == by_itself
     assert found.in_time
     # 10 for what is expected; a second costs at most 0.2 + 2, as nothing is above 20 N.
@@ -36,8 +37,10 @@ def test_actions_of_a_policy_change_when_the_peg_is_seated(on_file):
     names = [channel.name for channel in on_file.setup.actions.channels]
     for name, weight in {"fall": 0.3, "push": 0.5, "rise": 0.7}.items():
         weights[names.index(name), 0] = weight
-    _, slow = peg_policy.episode(on_file, nothing, 3, 0)
-    _, fast = peg_policy.episode(on_file, peg_policy.Policy(weights), 3, 0)
+    peg_policy.episode(on_file, nothing, 3, 0)
+    slow = peg_policy.seated(on_file)
+    peg_policy.episode(on_file, peg_policy.Policy(weights), 3, 0)
+    fast = peg_policy.seated(on_file)
     assert fast.time < slow.time - 0.2
 
 
