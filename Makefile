@@ -6,8 +6,8 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
-.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid referee check
-.PHONY: clean bounds interface insertion peg-policy
+.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check
+.PHONY: clean bounds energies insertion interface peg-policy
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -20,6 +20,9 @@ theory: $(READY)  ## hold the laws against their theorems, print the table, keep
 
 bounds: $(READY)  ## 200 random presses under the PID regulator, and the bound of Theorem 4.1 on each
 	$(BIN)/pytest tests/theory/test_theory_bound.py --random-presses=200
+
+energies: $(READY)  ## 200 random motions under PD, 200 presses and 200 stiffnesses that swing, and their energies
+	$(BIN)/pytest tests/theory/test_theory_energies.py --random-presses=200
 
 proof: $(READY)  ## 1000 random tasks with random limits, and how near to them each came
 	$(BIN)/pytest tests/runner/test_runner_qp_random.py --random-tasks=1000
@@ -103,6 +106,13 @@ lowest: $(READY)  ## a fresh environment with the lowest versions that are allow
 	$(LOWEST)/bin/pytest -n 2 tests/spec tests/text tests/control tests/laws tests/native tests/plant tests/runner/test_cli.py \
 		tests/sweep/test_sweep.py tests/robot/test_robot_xacro.py tests/robot/test_robot_urdf.py tests/robot/test_robot_collada.py \
 		tests/runner/test_mcap_readers.py tests/runner/test_recorded_messages.py tests/runner/test_export.py
+
+LEROBOT := $(VENV)-lerobot
+
+lerobot:  ## datasets read by LeRobot itself, in an environment of its own: 6 to 11 GB
+	$(PYTHON) -m venv $(LEROBOT)
+	$(LEROBOT)/bin/pip install --quiet --editable '.[lerobot,video]' pytest==9.1.1 pytest-xdist==3.8.0
+	$(LEROBOT)/bin/pytest tests/runner/test_lerobot.py
 
 tsid:  ## an environment with TSID, for the referee
 	$(PYTHON) -m venv .tsid

@@ -1,10 +1,10 @@
 """Environments of this project: what a step and a reset take, alone and over threads.
 
-`tasks/wipe-table.yaml` with residuals of up to 5 N on z and 5 mm on x and y, its ball on the table, 50
-actions a second, physics and controller of 1 kHz; an observation is force, motion, stage and time.
-A line of JSON has processor time of one environment: steps in contact, resets, and the first step
-after a reset, which connects machine code with the new plant. Lines of several have the clock's
-time, which is the machine's affair and that of whoever else uses it.
+`tasks/wipe-table.yaml` with residuals of up to 5 N on z and 5 mm on x and y, its ball on the
+table, 50 actions a second, physics and controller of 1 kHz; an observation is force, motion, stage
+and time. A line of JSON has processor time of one environment: steps in contact, resets, and the
+first step after a reset, which connects machine code with the new plant. Lines of several have the
+clock's time, which is the machine's affair and that of whoever else uses it.
 
     python benchmarks/bench_gym.py --steps 300 --resets 30 --envs 8
 """

@@ -28,15 +28,19 @@ _OFFSET, _SCALE = np.array([0.31, 0.06, 0, 0]), np.array([0.02, 0.06, 1, 1])
 
 def linear(weights: Vector) -> Policy:
     """The policy of weights: one for each observation, and a constant."""
-    return lambda seen: np.array([weights[:-1] @ ((seen - _OFFSET) / _SCALE) + weights[-1]])
+    return lambda observation: np.array(
+        [weights[:-1] @ ((observation - _OFFSET) / _SCALE) + weights[-1]]
+    )
 
 
 def episode(env: TaskEnv, policy: Policy, seed: int, world: int) -> tuple[float, str]:
     """The reward of a world, and its verdict."""
-    seen, _ = env.reset(seed=seed, options={"world": world})
+    observation, _ = env.reset(seed=seed, options={"world": world})
     total = 0.0
     while True:
-        seen, reward, terminated, truncated, info = env.step(np.clip(policy(seen), -1, 1))
+        observation, reward, terminated, truncated, info = env.step(
+            np.clip(policy(observation), -1, 1)
+        )
         total += reward
         if terminated or truncated:
             return total, str(info["verdict"])

@@ -11,6 +11,7 @@ from taskspec.compiler import compile_task, compile_unchecked
 from taskspec.program.program import Program
 from taskspec.spec import load_task, load_text
 from taskspec_runner.loop.assembly import assemble
+from taskspec_runner.loop.live_schedule import scheduled
 from taskspec_runner.loop.sensing import Sensing
 
 TASKS = Path(__file__).resolve().parents[1] / "tasks"
@@ -48,9 +49,33 @@ SERVOS = {
     for command, law in (("velocity", "admittance"), ("position", "force-velocity"))
 }
 
+#: The same with params that may be set while it runs, one at a rate and one that jumps.
+LIVE = (
+    TOUCH.replace("touch", "touch-live", 1)
+    .replace("50 ms, tare", "20 ms, tare")
+    .replace("force: 5 N", "force: push")
+    .replace("{position: 5 mm *", "{position: sway *")
+    .replace("force.x > 1 N", "force.x > push / 5")
+    .replace("within 5 N +- 0.5 N", "within 2..8.5 N")
+    .replace(
+        "stages:",
+        "params:\n"
+        "  push: {value: 5 N, live: 2..8 N, rate: 20 N/s}\n"
+        "  sway: {value: 5 mm, live: 0..10 mm}\n"
+        "stages:",
+    )
+)
+#: What is set in its runs, some of it before the first tick.
+MOVES = (
+    *("push = 4 N @ 0 s", "sway = 3 mm @ 0 s", "sway = 7 mm @ 31 ms"),
+    *("push = 8 N @ 0.2 s", "push = 3 N @ 0.25 s", "push = 3 N @ 0.26 s"),
+)
+
 
 @cache
 def program(name: str) -> Program:
+    if name == "live":
+        return compile_unchecked(load_text(LIVE, "touch.yaml"))
     if name in SERVOS:
         return compile_unchecked(load_text(SERVOS[name], "touch.yaml"))
     return compile_task(load_task(TASKS / f"{name}.yaml"))
@@ -62,11 +87,14 @@ def recorded(name: str) -> tuple[np.ndarray, np.ndarray, str]:
     made = program(name)
     parts = assemble(made)
     machine, plant, period = parts.machine, parts.plant, made.context.period
+    moves = scheduled(MOVES if name == "live" else (), made.context.loaded.task, period)
     sensing = Sensing(plant.arm, plant.views.equations, machine)
     sensing.read()
     machine.start()
     samples, torques = [], []
     while not machine.ended:
+        if moves is not None:
+            moves.set(machine.live, len(samples))
         if samples:
             sensing.read()
         wrench = machine.wrench if machine.sensor is None else machine.sensor.reading

@@ -78,6 +78,7 @@ def main(port):
             except (TimeoutError, ConnectionRefusedError):
                 continue
         told, memory, newest, answer = json.loads(body), np.zeros(6), -1, b""
+        link.settimeout(30.0)  # the plant may prepare its run before it sends
         takes, place = told["robot"].get("command", "torque"), None
         while kind != STOP:
             kind, _, number, body = read(link.recv(16384))

@@ -50,7 +50,8 @@ def run(
             `seed` and `world` are not used.
         lost: what becomes of a sample of the robot that is lost; see docs/protocol.md.
         stop_after: how many in a row may be lost.
-        live: when live params are set to what, such as `press = 8 N @ 1 s`, as `--live` has it.
+        live: when live params are set to what, such as `press = 8 N @ 1 s`, as `--live` has it;
+            or an address with a token at which `LiveClient` sets them.
 
     Raises:
         SpecError: the task is refused, as `taskspec validate` finds it; it carries everything that
@@ -97,17 +98,19 @@ def _run_on(
     from taskspec.compiler import compile_task
     from taskspec_runner.link.found import open_robot
     from taskspec_runner.link.on_robot import LostPolicy, OnRobot
-    from taskspec_runner.loop.live_schedule import scheduled
+    from taskspec_runner.loop.live_requests import setting
     from taskspec_runner.loop.telemetry import sending
     from taskspec_runner.session import execute_program
 
     rule, program = LostPolicy(*policy), compile_task(task, force=force)
-    hand = scheduled(live, task.task, program.context.period)
     found = open_robot(robot) if isinstance(robot, str) else robot
     link = OnRobot(found, rule, robot if isinstance(robot, str) else type(robot).__name__)
     try:
         link.check(program)
-        with sending(telemetry) as sink:
+        with (
+            setting(live, task.task, program.context.period) as hand,
+            sending(telemetry) as sink,
+        ):
             return execute_program(
                 program, folder, report=report, telemetry=sink, link=link, hand=hand
             )

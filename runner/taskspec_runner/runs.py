@@ -48,6 +48,7 @@ from taskspec_runner.verdict.run_finding import RunFinding, read_finding
 if TYPE_CHECKING:
     from taskspec.program.program import Program
     from taskspec.program.worlds import World
+    from taskspec_runner.verdict.energy import RunEnergies
 
 #: Rows of a log that are in memory at a time where it goes by: 8 MB at 100 columns.
 ROWS = 10_000
@@ -412,6 +413,16 @@ class Run(Window):
         """(rows,) values of the log by column name [SI]."""
         return self.history.columns
 
+    @cached_property
+    def energies(self) -> RunEnergies | None:
+        """What its laws store and what changes it; None where its task cannot be read any more."""
+        from taskspec_runner.verdict.energy import RunEnergies
+
+        try:
+            return RunEnergies(self.program, self.history, self.world.task)
+        except RebuildError:
+            return None
+
     @property
     def units(self) -> Mapping[str, str]:
         """Of the columns."""
@@ -542,7 +553,7 @@ class Run(Window):
         try:
             self._judged_so_far = tuple(
                 read_judged(plain(each.as_data()), whole=False)
-                for each in judge_run(self.program, self.history)
+                for each in judge_run(self.program, self.history, self.world.task)
             )
         except RebuildError as error:
             return str(error)

@@ -25,7 +25,7 @@ from taskspec_runner.loop.fixed_step import PYTHON, STOPPED, Outcome, loop_wante
 from taskspec_runner.loop.fixed_step import run as simulate
 from taskspec_runner.loop.hand import Hand
 from taskspec_runner.loop.interrupt import BY_SIGNAL, Interrupt, Termination, signal_of
-from taskspec_runner.loop.live_schedule import scheduled
+from taskspec_runner.loop.live_requests import setting
 from taskspec_runner.loop.tap import Spectator, Tap, ticks_between
 from taskspec_runner.loop.telemetry import Telemetry
 from taskspec_runner.record import manifest
@@ -91,18 +91,19 @@ def execute(
         SpecError: the task is refused; no folder is made.
     """
     program = compile_task(loaded, force=force)
-    hand = scheduled(live, loaded.task, program.context.period)
-    return execute_program(
-        program,
-        out,
-        world=world_numbered(program.context, seed, world),
-        progress=progress,
-        report=report,
-        telemetry=telemetry,
-        loop=loop,
-        link=link,
-        hand=hand,
-    )
+    chosen = world_numbered(program.context, seed, world)
+    with setting(live, loaded.task, program.context.period) as hand:
+        return execute_program(
+            program,
+            out,
+            world=chosen,
+            progress=progress,
+            report=report,
+            telemetry=telemetry,
+            loop=loop,
+            link=link,
+            hand=hand,
+        )
 
 
 def world_numbered(context: Context, seed: int, number: int | None) -> World:
@@ -232,7 +233,7 @@ def _run(program: Program, folder: RunFolder, content: bytes, manner: _Manner) -
     history = log.history()
     if simulated.by_signal:
         simulated = simulated.as_logged(history, program.context.period)
-    outcome, judged = simulated.outcome, judge_run(program, history)
+    outcome, judged = simulated.outcome, judge_run(program, history, manner.world.task)
     made = summarise(program, simulated, history, judged, manner.world)
     made |= stopping(outcome, history, program.context.period)
     if manner.link is not None:

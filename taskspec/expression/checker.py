@@ -234,6 +234,9 @@ class Checker:
         if meaning is None:
             self.problems.append(explain_name(node, self.scope))
             return UNKNOWN
+        if meaning.kind == "energy" and self.scope.kind is ScopeKind.REWARD:
+            message = f"'{node}' is worked out of a whole log, which a reward does not have"
+            return self.report("TS116", message, node, "judge it in 'expect'")
         if node.frame is not None:
             self._frame(node, meaning)
         if meaning.kind == "condition":

@@ -203,6 +203,13 @@ def _signal(
 #: Words that begin the names of a family, each with its members and what it is called.
 _FAMILIES = {
     str(signals.Index.LINK): (tuple(signals.LINK), "the link has no signal"),
+    **{
+        head: (
+            tuple(n.partition(".")[2] for n in signals.ENERGY if n.startswith(f"{head}.")),
+            f"no {head} of a law is called",
+        )
+        for head in ("energy", "power")
+    },
     str(signals.Index.GAIN): (tuple(f"{name}.z" for name in signals.GAIN), "there is no gain"),
 }
 

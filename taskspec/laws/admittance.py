@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from taskspec.control.command import Command
 from taskspec.deferred import ca
-from taskspec.laws import design
+from taskspec.laws import design, energy
 from taskspec.laws.gains import (
     BANDWIDTH,
     DAMPING,
@@ -23,6 +23,7 @@ from taskspec.laws.law import ControlLaw, register
 if TYPE_CHECKING:
     from taskspec.geometry.axis import Axis
     from taskspec.laws.case import Case
+    from taskspec.laws.energy import Energy
 
 
 @register
@@ -49,6 +50,7 @@ class Admittance(ControlLaw):
     force_loop = True
     selects = True
     rest = "K e of the soft axis"
+    storage = "1/2 e'^T M e' + 1/2 e^T K e of force and soft axes"
 
     def design(self, axis: AxisDesign) -> dict[str, Gain]:
         """M, D and K of a force axis or a soft one; the bandwidth of others."""
@@ -69,13 +71,19 @@ class Admittance(ControlLaw):
     def _rate(self, case: Case, axis: Axis, rate: ca.SX) -> ca.SX:
         """x' against the reference after one more period."""
         state, reference, T = case.state, case.reference, case.period
-        i = state.axes.index(axis)
         M, D = case.gain("mass", axis), case.gain("damping", axis)
         K = case.gain("stiffness", axis)
-        set_point = reference.force[i] if axis in case.force else reference.released[i]
-        pull = beyond(state.f[i] - set_point, case.gains.get("dead_band", {}).get(axis))
-        pull += K * reference.error[i]
+        pull = _pull(case, axis) + K * reference.error[state.axes.index(axis)]
         return (M * rate + T * pull) / (M + T * D + T**2 * K)
+
+    def energy(self, case: Case) -> Energy:
+        """Of the masses and springs that it has the arm move as."""
+        axes = (*case.force, *case.soft)
+        added = 0 * case.state.f
+        for axis in axes:
+            i = case.state.axes.index(axis)
+            added[i] = case.state.f[i] - _pull(case, axis)
+        return energy.of_a_mass(case, axes, added)
 
     def unreturned(self, gains: Mapping[str, float]) -> float:  # noqa: ARG002
         """Of the set point alone: it has no integral."""
@@ -84,6 +92,13 @@ class Admittance(ControlLaw):
     def loop_damping(self, gains: Mapping[str, float]) -> float:
         """D of the axis [N s/m]."""
         return gains.get("damping", 0.0)
+
+
+def _pull(case: Case, axis: Axis) -> ca.SX:
+    """f - f_d by what it exceeds the dead band [N, N m]."""
+    i = case.state.axes.index(axis)
+    wanted = case.reference.force if axis in case.force else case.reference.released
+    return beyond(case.state.f[i] - wanted[i], case.gains.get("dead_band", {}).get(axis))
 
 
 def beyond(force: ca.SX, band: Gain | None) -> ca.SX:

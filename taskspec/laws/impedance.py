@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from taskspec.control.command import Command
-from taskspec.laws import design
+from taskspec.laws import design, energy
 from taskspec.laws.conditions import rigid_mass
 from taskspec.laws.gains import DAMPING, MASS, STIFFNESS, AxisDesign, Gain
 from taskspec.laws.law import LAWS, ControlLaw, register
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from taskspec.laws.case import Case
     from taskspec.laws.conditions import AxisContact, StabilityCondition
+    from taskspec.laws.energy import Energy
 
 
 @register
@@ -32,6 +33,7 @@ class Impedance(ControlLaw):
     mechanism_form = True
     feeds_forward = True
     rest = "(4.15), (4.24)"
+    storage = "1/2 e'^T H_m e' + 1/2 e^T K_m e"
 
     def design(self, axis: AxisDesign) -> dict[str, Gain]:
         """On a mechanism perhaps for the arm's own inertia, held by the springs of all axes."""
@@ -48,6 +50,12 @@ class Impedance(ControlLaw):
         state, reference = case.state, case.reference
         pull = _springs(case) + state.f
         return Command(acceleration=reference.acceleration + case.by_mass(pull), wrench=-state.f)
+
+    def energy(self, case: Case) -> Energy:
+        """That of the mass, spring and damper of (4.15); on a mechanism the arm's own mass."""
+        if case.free is not None:
+            return energy.of_the_arm(case, damped=case.reference.velocity - case.state.velocity)
+        return energy.of_a_mass(case, case.state.axes)
 
     def strikes_with(self, gains: Mapping[str, Gain], arm_mass: float) -> float:  # noqa: ARG002
         """The apparent mass h_m."""

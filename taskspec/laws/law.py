@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from taskspec.control.command import Command
     from taskspec.laws.case import Case
     from taskspec.laws.conditions import AxisContact, StabilityCondition
+    from taskspec.laws.energy import Energy
     from taskspec.laws.gains import AxisDesign
 
 
@@ -46,6 +47,7 @@ class ControlLaw(ABC):
         mechanism_form: it has a form for a held mechanism, which takes no measured force off.
         undamped: where damping comes from, of a law that damps no axis; else empty.
         rest: equation of the force that its springs come to rest with.
+        storage: its storage function in words, of which `energy` has the terms; empty without one.
         commands: what it commands the joints: `torque`, or `velocity`, which an arm that takes
             positions is commanded by as well.
         solve: how its command becomes that of the joints, where a file does not say it.
@@ -71,6 +73,7 @@ class ControlLaw(ABC):
     mechanism_form: ClassVar[bool] = False
     undamped: ClassVar[str] = ""
     rest: ClassVar[str] = "K e"
+    storage: ClassVar[str] = ""
     commands: ClassVar[str] = "torque"
     solve: ClassVar[Solve] = "closed-form"
     following: ClassVar[Mapping[str, Mapping[str, float]]] = {}
@@ -79,6 +82,10 @@ class ControlLaw(ABC):
     @abstractmethod
     def command(self, case: Case) -> Command:
         """The law's equation, filled in with a stage."""
+
+    def energy(self, case: Case) -> Energy | None:  # noqa: ARG002
+        """What it stores in a stage, and what changes that; None where it states no storage."""
+        return None
 
     # What files may say
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from taskspec.control.command import Command
+from taskspec.laws import energy
 from taskspec.laws.conditions import AxisContact, StabilityCondition, rigid_loop, rigid_mass
 from taskspec.laws.gains import (
     DAMPING,
@@ -19,7 +20,10 @@ from taskspec.laws.gains import (
 from taskspec.laws.law import ControlLaw, give_way, register
 
 if TYPE_CHECKING:
+    import casadi as ca
+
     from taskspec.laws.case import Case
+    from taskspec.laws.energy import Energy
 
 
 @register
@@ -47,6 +51,7 @@ class Parallel(ControlLaw):
     force_loop = True
     shares = True
     rest = "(4.15), (4.24)"
+    storage = "1/2 e'^T H_m e' + 1/2 e^T K_m e"
 
     def command(self, case: Case) -> Command:
         """(4.36)-(4.38); K_F, K_I are zero on other axes without a force."""
@@ -55,11 +60,17 @@ class Parallel(ControlLaw):
         state, reference = case.state, case.reference
         velocity_error = reference.velocity - state.velocity
         motion = case.times("damping", velocity_error) + case.times("stiffness", reference.error)
-        missing = reference.force + reference.released - state.f
-        force = case.times("force.proportional", missing, case.normal)
-        force += case.times("force.integral", reference.force_integral)
+        force = _proportional(case) + case.times("force.integral", reference.force_integral)
         acceleration = reference.acceleration + case.by_mass(motion - force)
         return Command(acceleration=acceleration, wrench=-state.f)
+
+    def energy(self, case: Case) -> Energy | None:
+        """That of (4.36) without its force loop, whose terms put in and take."""
+        if case.free is not None:
+            return None
+        added = _proportional(case) + case.state.f
+        wound = case.times("force.integral", case.reference.force_integral)
+        return energy.of_a_mass(case, case.state.axes, added, wound)
 
     def settles_at(self, *, moves: bool, reached: bool) -> str:
         """(4.39) with a velocity on the axis, (4.41), or (4.48) where no contact returns it."""
@@ -88,6 +99,13 @@ class Parallel(ControlLaw):
             yield rigid_mass(at)
         elif at.rigid and at.force:
             yield from rigid_loop(at, self.last_equation, at.mass / g["mass"], uncancelled=1.0)
+
+
+def _proportional(case: Case) -> ca.SX:
+    """K_F (f_d - f) (m,); K_F is 1 along a contact's normal, which so yields."""
+    reference = case.reference
+    missing = reference.force + reference.released - case.state.f
+    return case.times("force.proportional", missing, case.normal)
 
 
 def _on_mechanism(case: Case) -> Command:

@@ -6,13 +6,17 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from taskspec.control.command import Command
+from taskspec.laws import energy
 from taskspec.laws.conditions import AxisContact, StabilityCondition, rigid_loop
 from taskspec.laws.gains import DAMPING, FORCE_INTEGRAL, FORCE_PROPORTIONAL, STIFFNESS
 from taskspec.laws.law import register
 from taskspec.laws.parallel import Parallel
 
 if TYPE_CHECKING:
+    import casadi as ca
+
     from taskspec.laws.case import Case
+    from taskspec.laws.energy import Energy
 
 
 @register
@@ -31,15 +35,20 @@ class ParallelPID(Parallel):
     gains = (STIFFNESS, DAMPING, FORCE_PROPORTIONAL, FORCE_INTEGRAL)
     natural = True
     rest = "(4.26), (4.27)"
+    storage = "1/2 q'^T H q' + 1/2 e^T K_m e, (4.22)"
 
     def command(self, case: Case) -> Command:
         """(4.50)."""
         state, reference = case.state, case.reference
-        desired = reference.force + reference.released
-        force = desired + case.times("force.proportional", desired - state.f)
-        force += case.times("force.integral", reference.force_integral)
+        force = _proportional(case) + case.times("force.integral", reference.force_integral)
         springs = case.times("stiffness", reference.error)
         return Command(wrench=springs - case.times("damping", state.velocity) - force)
+
+    def energy(self, case: Case) -> Energy:
+        """(4.22) of its springs; the terms of its force loop put in and take."""
+        wound = case.times("force.integral", case.reference.force_integral)
+        return energy.of_the_arm(case, -case.state.velocity, force=_proportional(case),
+                                 integral=wound)  # fmt: skip
 
     def drag(self, gains: Mapping[str, float]) -> float | None:
         """d_m: it damps the velocity itself."""
@@ -64,3 +73,9 @@ class ParallelPID(Parallel):
         )  # fmt: skip
         if at.rigid:
             yield from rigid_loop(at, self.last_equation)
+
+
+def _proportional(case: Case) -> ca.SX:
+    """f_d + k_F (f_d - f) (m,)."""
+    desired = case.reference.force + case.reference.released
+    return desired + case.times("force.proportional", desired - case.state.f)

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from taskspec.control.command import Command
+from taskspec.laws import energy
 from taskspec.laws.gains import DAMPING, STIFFNESS
 from taskspec.laws.law import ControlLaw, register
 
 if TYPE_CHECKING:
     from taskspec.laws.case import Case
+    from taskspec.laws.energy import Energy
 
 
 @register
@@ -26,11 +28,16 @@ class PD(ControlLaw):
     gains = (STIFFNESS, DAMPING)
     natural = True
     rest = "(4.26), (4.27)"
+    storage = "1/2 q'^T H q' + 1/2 e^T K_m e, (4.22)"
 
     def command(self, case: Case) -> Command:
         """(4.21) with K_m, D_m in the task frame."""
         error, velocity = case.reference.error, case.state.velocity
         return Command(wrench=case.times("stiffness", error) - case.times("damping", velocity))
+
+    def energy(self, case: Case) -> Energy:
+        """(4.22), of which its damper takes x'^T D_m x', (4.23)."""
+        return energy.of_the_arm(case, damped=-case.state.velocity)
 
     def drag(self, gains: Mapping[str, float]) -> float | None:
         """D_m: it damps the velocity itself."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from taskspec.control.command import Command
+from taskspec.laws import energy
 from taskspec.laws.gains import STIFFNESS
 from taskspec.laws.law import ControlLaw, register
 
 if TYPE_CHECKING:
     from taskspec.laws.case import Case
+    from taskspec.laws.energy import Energy
 
 
 @register
@@ -28,7 +30,12 @@ class StiffnessControl(ControlLaw):
     bare = True
     undamped = "damping comes from 'robot.joint_damping'; or take the law pd"
     rest = "(4.33)"
+    storage = "1/2 q'^T H q' + 1/2 e^T K_m e"
 
     def command(self, case: Case) -> Command:
         """(4.33) with K_m in the task frame."""
         return Command(wrench=case.times("stiffness", case.reference.error), bare=True)
+
+    def energy(self, case: Case) -> Energy:
+        """(4.22) without a damper: nothing takes of it."""
+        return energy.of_the_arm(case)

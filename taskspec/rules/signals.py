@@ -7,11 +7,12 @@ from collections.abc import Iterator
 from taskspec.expression import Expression
 from taskspec.expression.tree import Call, Name, Node, children
 from taskspec.geometry.axis import ROTATIONS, Axis, as_axis
+from taskspec.laws.law import LAWS
 from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.signals import entry_of
 from taskspec.rules import Finding, Phase, error, rule
-from taskspec.signals import VECTORS, Index
+from taskspec.signals import ENERGY, VECTORS, Index
 from taskspec.signals.table import REFERENCE
 
 
@@ -108,8 +109,8 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
             return elsewhere
     if len(path) == 1:
         return _no_single(stage, path[0])
-    if path[0] == Index.GAIN and len(path) > 2:
-        return _no_gain(stage, ".".join(path[1:-1]), path[-1])
+    if path[0] == Index.GAIN or ".".join(path) in ENERGY:
+        return _not_of_law(stage, path)
     if path[0] == "joint" and int(path[1]) > robot.n:
         return f"{robot.name!r} has {robot.n} joints"
     if path[0] in stage.context.equations and path[1] == "residual":
@@ -166,10 +167,26 @@ def _no_single(stage: StagePlan, name: str) -> str | None:
     return _no_gap(stage) if name == "gap" else None
 
 
-def _no_gain(stage: StagePlan, name: str, on: str) -> str | None:
-    """Why the log has no gain of a stage, None if it has."""
+def _not_of_law(stage: StagePlan, path: tuple[str, ...]) -> str | None:
+    """Why the law of a stage has no such gain or energy, None if it has."""
+    if ".".join(path) in ENERGY:
+        return _no_energy(stage, ".".join(path))
+    name, on = ".".join(path[1:-1]), path[-1]
     varies = (name, on) in stage.law.varying
     return None if varies else f"the {name} of stage {stage.name!r} does not vary on {on!r}"
+
+
+def _no_energy(stage: StagePlan, name: str) -> str | None:
+    """Why a stage has no energy of its law, None if it has."""
+    law = stage.law.control_law
+    if not law.storage or stage.joint_path is not None:
+        having = ", ".join(kind for kind, each in LAWS.items() if each.storage)
+        return f"{stage.law.kind!r} states no energy that it stores; laws that do: {having}"
+    if name == "energy.lyapunov" and law.force_loop:
+        return f"{stage.law.kind!r} has a force loop, whose Lyapunov function is local (4.62)"
+    if name == "energy.lyapunov" and stage.law.varying:
+        return "gains vary here, and put energy in: no such function falls"
+    return None
 
 
 def _no_gap(stage: StagePlan) -> str | None:

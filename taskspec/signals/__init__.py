@@ -9,6 +9,7 @@ from taskspec.signals import entries as entries
 from taskspec.signals.situation import MovingPose, ObjectState, Situation
 from taskspec.signals.table import (
     CLOCKS,
+    ENERGY,
     GAIN,
     JOINT,
     LINK,
@@ -27,6 +28,7 @@ from taskspec.signals.table import (
 
 __all__ = [
     "CLOCKS",
+    "ENERGY",
     "GAIN",
     "JOINT",
     "LINK",

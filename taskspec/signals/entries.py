@@ -261,6 +261,42 @@ _gain("force.proportional", NUMBER, "proportional gain of a force loop, where it
 _gain("force.integral", FREQUENCY, "integral gain of a force loop, where it varies or follows")
 
 
+def _energy(name: str, meaning: str, unmeasured: str = "") -> None:
+    """Enters an energy [J] or a power [W] of a stage's law, which states it (`laws.energy`)."""
+    stored = name.startswith("energy.")
+
+    @signal(
+        name,
+        MOMENT if stored else POWER,
+        of=Index.ENERGY,
+        meanings={"": meaning},
+        unit="J" if stored else "",
+        reference="a reference cannot depend on an energy that follows from it",
+        unmeasured=unmeasured,
+        absent="its law states no such energy, or the log lacks what it is worked out of",
+    )
+    def _value(at: Situation) -> ca.SX | None:
+        return at.energies().get(name)
+
+
+_OF_A_RUN = "it is worked out of ticks that are past; judge it in 'expect'"
+_energy("energy.kinetic", "of the mass that the law moves: the arm's own, or its apparent one")
+_energy("energy.spring", "of the law's springs, ½ eᵀ K e")
+_energy("energy.stored", "the law's storage function: the sum of both")
+_energy("energy.contact", "of the surfaces that are pressed in, ½ k d² each", _OF_A_RUN)
+_energy(
+    "energy.lyapunov",
+    "stored, with that of the contact, less what both are at rest: (4.22), (4.28)",
+    _OF_A_RUN,
+)
+_energy("power.contact", "of the environment on the tool, force · velocity: into the storage")
+_energy("power.reference", "what a reference that moves puts into the storage")
+_energy("power.force", "what set points and errors of forces put in")
+_energy("power.integral", "what the integrals of force loops put in")
+_energy("power.dissipated", "what the law's dampers take out")
+_energy("power.gains", "what gains that vary put in: ½ eᵀ K' e", _OF_A_RUN)
+
+
 @signal(
     "gap",
     of={

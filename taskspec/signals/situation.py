@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
@@ -84,6 +84,8 @@ class Situation:
         limited: whether a limit changed the torque of the tick before.
         force_inconsistent: what contacts cannot return of the force set points [N].
         joint_error: of the joint that is farthest from its reference [rad, m].
+        energies: gives the energies and powers of the stage's law by name; empty where it states
+            none.
         known: signals by full name that are given instead of evaluated, and those evaluated so far.
     """
 
@@ -108,6 +110,7 @@ class Situation:
     limited: ca.SX = UNKNOWN
     force_inconsistent: ca.SX = UNKNOWN
     joint_error: ca.SX = UNKNOWN
+    energies: Callable[[], Mapping[str, ca.SX]] = dict
     known: dict[str, ca.SX] = field(default_factory=dict)
 
     def signal(self, *path: str) -> ca.SX | None:

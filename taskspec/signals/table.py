@@ -28,6 +28,7 @@ class Index(StrEnum):
     CLOCK = "clock"
     LINK = "link"
     GAIN = "gain"
+    ENERGY = "energy"
 
 
 #: What may differ from the truth: the wrench, which is zero while nothing is touched; objects.
@@ -67,6 +68,7 @@ class Signal:
         reference: why no reference may use it, empty if one may.
         unmeasured: why neither references nor guards may use it, empty if they may.
         absent: why it may have no value in a stage.
+        unit: of its values, where its dimension has another one as well.
     """
 
     name: str
@@ -88,6 +90,7 @@ class Signal:
     reference: str = ""
     unmeasured: str = ""
     absent: str = ""
+    unit: str = ""
 
     @property
     def dimension(self) -> Dimension:
@@ -137,6 +140,8 @@ STAGE: dict[str, Signal] = {}
 LINK: dict[str, Signal] = {}
 #: Gains of a law that may vary, by their name.
 GAIN: dict[str, Signal] = {}
+#: Energies and powers of a law, by their whole name.
+ENERGY: dict[str, Signal] = {}
 #: Of an object, by its kind and what follows the object's name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
@@ -148,6 +153,7 @@ _TABLES = {
     Index.CLOCK: CLOCKS,
     Index.LINK: LINK,
     Index.GAIN: GAIN,
+    Index.ENERGY: ENERGY,
 }
 
 
@@ -239,5 +245,7 @@ def find(
             return Entry(gain, on, gain.dimensions[on]) if on in gain.dimensions else None
         case (Index.LINK, name) if name in LINK:
             return Entry(LINK[name], "", LINK[name].dimension)
+        case (_, _) if (name := ".".join(path)) in ENERGY:
+            return Entry(ENERGY[name], "", ENERGY[name].dimension)
         case _:
             return None

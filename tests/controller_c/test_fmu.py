@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from controller_samples import TOUCH
+from controller_samples import LIVE, MOVES, TOUCH, recorded
+from controller_samples import program as sample_program
 from taskspec.compiler import compile_unchecked
 from taskspec.program.program import Program
 from taskspec.spec import load_text
@@ -294,3 +295,102 @@ def test_what_is_no_fmu_is_an_error(tmp_path, program) -> None:
     (tmp_path / "b.fmu").write_bytes(made.to_bytes())
     with pytest.raises(InputError, match="has no binary that can be loaded here"):
         InFmu(tmp_path / "b.fmu", program)
+
+
+@pytest.fixture(scope="module")
+def live_fmus(tmp_path_factory):
+    """The file of the FMU of each version, of a task with params that may be set."""
+    folder = tmp_path_factory.mktemp("live")
+    paths = {}
+    for fmi in VERSIONS:
+        made = exported.fmu_of(sample_program("live"), fmi)
+        paths[fmi] = folder / f"live{fmi}.fmu"
+        paths[fmi].write_bytes(made.to_bytes(made.binary()))
+    return paths
+
+
+@pytest.fixture(params=VERSIONS)
+def live_instance(request, live_fmus, tmp_path):
+    made = Instance(live_fmus[request.param], tmp_path, request.param)
+    yield made
+    made.slave.freeInstance()
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_params_are_inputs_with_units_and_ranges(fmi, live_fmus, caplog) -> None:
+    from fmpy.validation import validate_fmu
+
+    assert validate_fmu(str(live_fmus[fmi])) == []
+    about = fmpy.read_model_description(live_fmus[fmi], validate=True)
+    found = {v.name: v for v in about.modelVariables}
+    push, sway = found["set.push"], found["set.sway"]
+    assert (push.causality, push.variability, push.unit) == ("input", "continuous", "N")
+    assert [float(x) for x in (push.start, push.min, push.max)] == [5.0, 2.0, 8.0]
+    assert "at 20 N per second" in push.description
+    assert (float(sway.max), sway.unit) == (0.01, "m")
+    assert (found["param.push"].causality, found["param.push"].unit) == ("output", "N")
+    test_a_tool_of_another_make_reads_it_without_complaint(fmi, live_fmus, caplog)
+
+
+def test_params_that_are_set_at_communication_points_are_those_of_a_run(live_instance) -> None:
+    samples, torques, _ = recorded("live")
+    inputs = [name for name in live_instance.names if name.startswith(("position.", "velocity."))]
+    inputs += [name for name in live_instance.names if name.startswith("wrench.")]
+    assert len(inputs) == 10
+    moves = {0: [("push", 4.0), ("sway", 3e-3)], 31: [("sway", 7e-3)], 200: [("push", 8.0)]}
+    moves |= {tick: [("push", 3.0)] for tick in range(250, len(samples))}
+    state, states = None, []
+    for tick, sample in enumerate(samples):
+        for name, value in zip(inputs, sample, strict=False):
+            live_instance.set(name, value)
+        if tick == 0:
+            live_instance.initialize()
+        for name, value in moves.get(tick, []):
+            live_instance.set(f"set.{name}", value)
+        if tick == 215:
+            state = live_instance.slave.getFMUState()
+        live_instance.step(tick, tick + 1)
+        assert live_instance.torques() == torques[tick].tolist()
+        states.append(live_instance.get("param.push"))
+    assert 4.0 < states[215] < states[216] < 5.0
+    # On its way to 8 N, at the value and the time that it had then.
+    live_instance.slave.setFMUState(state)
+    assert live_instance.get("set.push") == 8.0
+    assert live_instance.get("param.push") == states[214]
+    live_instance.step(215, 216)
+    assert live_instance.get("param.push") == states[215]
+    live_instance.slave.freeFMUState(state)
+
+
+def test_params_are_bounded_and_begin_with_what_is_set_before(live_instance) -> None:
+    from fmpy.fmi1 import FMICallException
+
+    live_instance.set("set.push", 7.0)
+    assert live_instance.get("param.push") == 7.0
+    live_instance.initialize()
+    live_instance.step(0, 1)
+    assert live_instance.get("param.push") == 7.0
+    live_instance.set("set.push", math.inf)
+    assert live_instance.get("set.push") == 8.0
+    with pytest.raises(FMICallException):
+        live_instance.set("set.push", math.nan)
+    with pytest.raises(FMICallException):
+        live_instance.set("param.push", 5.0)
+    assert live_instance.get("set.push") == 8.0
+    live_instance.step(1, 2)
+    assert live_instance.get("param.push") == pytest.approx(7.02, abs=1e-12)
+    live_instance.slave.reset()
+    assert (live_instance.get("set.push"), live_instance.get("param.push")) == (5.0, 5.0)
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_run_on_the_fmu_is_set_as_any_other(fmi, live_fmus, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("touch.yaml").write_text(LIVE)
+    lines = [word for move in MOVES for word in ("--live", move)]
+    for out, on in (("own", []), ("by-fmu", ["--on", f"fmu:{live_fmus[fmi]}"])):
+        given = ["run", "touch.yaml", *lines, *on, "--out", out, "--quiet"]
+        done = CliRunner().invoke(app, given)
+        assert done.exit_code == 0, done.output
+    logs = [(tmp_path / out / "log.arrow").read_bytes() for out in ("own", "by-fmu")]
+    assert logs[0] == logs[1]

@@ -26,7 +26,7 @@ _NAMES = {
 def signal_rows() -> Iterator[list[str]]:
     """Rows of signals that belong to no object."""
     tables = (signals.VECTORS, signals.SCALARS, signals.CLOCKS, signals.JOINT, signals.STAGE)
-    tables = (*tables, signals.LINK, signals.GAIN)
+    tables = (*tables, signals.LINK, signals.GAIN, signals.ENERGY)
     for signal in (signal for table in tables for signal in table.values()):
         members: dict[str, list[str]] = {}
         for key in signal.dimensions:
@@ -51,6 +51,8 @@ def object_rows() -> Iterator[list[str]]:
 
 def _unit(signal: signals.Signal, member: str) -> str:
     dimension = signal.dimensions[member]
+    if signal.unit:
+        return f"`{signal.unit}`"
     return "number" if dimension == NUMBER else f"`{si_unit(dimension)}`"
 
 

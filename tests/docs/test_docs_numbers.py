@@ -233,7 +233,7 @@ def test_limits():
 
 
 def test_alarms():
-    alarm, run = inspect.getsource(SimulatedPlant.alarm), inspect.getsource(loop._run)
+    alarm, run = inspect.getsource(SimulatedPlant.alarm), inspect.getsource(loop.Steps._run)
     names = re.findall(r'"([a-z_]+)", (?:f"|text)', alarm) + re.findall(r'_stopped\("(\w+)"', run)
     assert set(first_words(CONVENTIONS, "table: alarms")) == set(names)
 
@@ -304,6 +304,7 @@ def test_columns_of_the_log(simulate):
                 expected[name] = unit
     del expected["stage"], expected["OBJECT.SIGNAL"]
     del expected["limits"], expected["residual"]  # of tasks with a program alone
+    del expected["param.NAME"]  # of tasks with live params alone
     del expected["link.late"], expected["link.lost"]  # of runs at the wall clock alone
     beside = [name for name in expected if name.startswith("EQUATION.SIGNAL.")]
     for name in beside:

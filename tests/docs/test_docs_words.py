@@ -133,6 +133,8 @@ def test_signals_are_available_where_the_table_says(row):
     motion = f"{signal}*(1 N/(1 {unit}))" if unit else f"{signal}*(1 N)"
     stage = 'stages: {slide: {axes: {z: {force: "%s"}, x: hold}, %stime: 1 s}}\nexpect: [%s]\n'
     stage = VARYING + stage if signal.startswith("gain.") else stage
+    # A law with a storage function, and one that falls.
+    stage = f"law: pd\n{stage}" if signal.startswith(("energy.", "power.")) else stage
     path = "path: {line: {by: [0, 5 mm]}, time: 1 s}, "
     places = {
         "references": stage % (motion, path, ""),

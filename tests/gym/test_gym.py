@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import re
+import shutil
 import subprocess
 import sys
 import warnings
@@ -278,12 +280,12 @@ def test_observations_are_what_the_controller_measures(press: Path) -> None:
     measured = columns["force.z.measured"][-20:].astype(np.float32)
     assert observation[:20].tobytes() == measured.tobytes()
     last = {name: float(np.float32(values[-1])) for name, values in columns.items()}
-    seen = dict(zip(names, observation.tolist(), strict=True))
-    assert seen["force.z.true"] == last["force.z"] != last["force.z.measured"]
-    assert seen["table.force.true"] == last["table.force"]
-    assert seen["t"] == last["t"]
-    assert seen["joint.4.position"] == last["joint.4.position"]
-    assert (seen["touching"], seen["stage.slide"]) == (1.0, 1.0)
+    shown = dict(zip(names, observation.tolist(), strict=True))
+    assert shown["force.z.true"] == last["force.z"] != last["force.z.measured"]
+    assert shown["table.force.true"] == last["table.force"]
+    assert shown["t"] == last["t"]
+    assert shown["joint.4.position"] == last["joint.4.position"]
+    assert (shown["touching"], shown["stage.slide"]) == (1.0, 1.0)
     assert env.observation_space.low[0] == -60.0
 
 
@@ -293,11 +295,16 @@ def test_observations_are_what_the_controller_measures(press: Path) -> None:
         ({"act": ["pres"]}, "no param 'pres'; did you mean 'press'?"),
         ({"act": {"z": "force 5 N"}}, "no residual of 'z'"),
         ({"act": {"y": "force +- 5 N"}}, "no stage has a force on y"),
+        ({"act": {"z": {"force": "5 N"}}}, "no residual of 'z'"),
         ({"act": ["z"]}, "what is added to the axis 'z'?"),
         ({"act": {"w": "force +- 5 N"}}, "'w' is no axis"),
         ({"act": {"z": ["force +- 5 N", "force +- 2 N"]}}, "z.force stands there twice"),
         ({"act": []}, "nothing to act on"),
-        ({"observe": ["forse.z"]}, "did you mean 'force'?"),
+        ({"observe": ["forse"]}, "did you mean 'force'?"),
+        ({"observe": ["force.w"]}, "'force' has no 'w'"),
+        ({"observe": ["slide.force.z"]}, "write 'force.z'"),
+        ({"observe": "force"}, "observe=['force']"),
+        ({"max_time": 0}, "no step"),
         ({"observe": ["table.force"]}, "'table.force.true'"),
         ({"observe": ["param.pres"]}, "no live param 'pres'"),
         ({"observe": {"force": 0}}, "one tick or more"),
@@ -327,6 +334,19 @@ def test_an_action_that_does_not_fit_is_refused(env: TaskEnv) -> None:
         env.step(np.zeros(2, np.float32))
     with pytest.raises(InputError, match="number that is none"):
         env.step(np.full(4, np.nan, np.float32))
+
+
+def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = TASKS.parent / "docs" / "how-to" / "learning.md"
+    shutil.copy(page.parent / "learning.yaml", "quick-touch.yaml")
+    names: dict[str, Any] = {}
+    blocks = re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.M | re.S)
+    assert len(blocks) == 3
+    for block in blocks:
+        if "render" not in block:
+            exec(compile(block, page.name, "exec"), names)
+    assert len(names["rewards"]) == 8
 
 
 def test_without_gymnasium_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ import select
 import socket
 import threading
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -26,6 +26,7 @@ from taskspec_runner.link.robot import CommandedRobot, RobotFacts, RobotLimits, 
 from taskspec_runner.link.server import PlantServer, Served, ServerOptions, welcome
 from taskspec_runner.link.simulated import SimulatedRobot
 from taskspec_runner.link.udp_robot import UdpRobot
+from taskspec_runner.loop.live_requests import setting
 from taskspec_runner.runs import Run
 from taskspec_runner.session import execute_program
 
@@ -111,8 +112,14 @@ class Serving:
         port: of it.
     """
 
-    def __init__(self, task: str, out: Path, options: ServerOptions | None = None) -> None:
-        self._program, self._out = program_of(task), out
+    def __init__(
+        self,
+        task: str,
+        out: Path,
+        options: ServerOptions | None = None,
+        live: Sequence[str] = (),
+    ) -> None:
+        self._program, self._out, self._live = program_of(task), out, live
         self._options = options or ServerOptions(wait=20.0)
         self._server = PlantServer(Endpoint("127.0.0.1", 0))
         self.url, self.port = self._server.endpoint.text, self._server.endpoint.port
@@ -138,7 +145,11 @@ class Serving:
             options = self._options
             self._server.wait(welcome(self._program, options), options.wait)
             served = Served(self._server, options)
-            self._run = execute_program(self._program, self._out, report=False, link=served)
+            context = self._program.context
+            with setting(self._live, context.loaded.task, context.period) as hand:
+                self._run = execute_program(
+                    self._program, self._out, report=False, link=served, hand=hand
+                )
         except BaseException as error:
             self._error = error
 

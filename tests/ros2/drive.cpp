@@ -1,8 +1,8 @@
 // Drives a plugin as a controller manager does: configures, activates, updates, deactivates.
 //
-//   drive LIBRARY RATE [NAME=KIND:VALUE ...] < records
+//   drive LIBRARY RATE [NAME=KIND:VALUE ...] [@ROW:NAME=VALUE ...] < records
 //
-// A parameter's kind is b, i, d, s, or D or S of a list with commas. A record is doubles: what
+// What begins with @ sets a parameter of the node before that record. // A parameter's kind is b, i, d, s, or D or S of a list with commas. A record is doubles: what
 // happens, the time [ns] and the values of the state interfaces. What happens: 0 nothing; 1 they
 // cannot be read; 2 efforts cannot be written. For each record the return of `update` and the
 // efforts are written, and at last the efforts after the deactivation.
@@ -79,9 +79,17 @@ int main(int count, char ** words)
   std::unique_ptr<controller_interface::ControllerInterface> controller(make());
 
   std::map<std::string, rclcpp::ParameterVariant> parameters;
+  struct Move { std::string name; double value; };
+  std::multimap<long, Move> moves;
   for (int i = 3; i < count; ++i) {
     const std::string word = words[i];
     const auto at = word.find('=');
+    if (word[0] == '@') {
+      const auto colon = word.find(':');
+      const std::string name = word.substr(colon + 1, at - colon - 1);
+      moves.insert({std::stol(word.substr(1)), {name, std::stod(word.substr(at + 1))}});
+      continue;
+    }
     parameters[word.substr(0, at)] = parameter(word[at + 1], word.substr(at + 3));
   }
   const rclcpp_lifecycle::State state;
@@ -113,6 +121,12 @@ int main(int count, char ** words)
     }
     for (const auto & each : commands) each->writable = record[0] != 2.0;
     if (row == 0 && controller->on_activate(state) != CallbackReturn::SUCCESS) return 4;
+    const auto [first, last] = moves.equal_range(row);
+    for (auto move = first; move != last; ++move) {
+      const bool taken =
+        controller->get_node()->set_parameter(move->second.name, move->second.value);
+      std::fprintf(stderr, "%s: %s\n", move->second.name.c_str(), taken ? "taken" : "refused");
+    }
     counting = true;
     const auto done =
       controller->update(rclcpp::Time(static_cast<std::int64_t>(record[1])), period);

@@ -33,7 +33,7 @@ RUNS = {
 #: Packages of ROS that the CMakeLists.txt finds, with targets of their own or without.
 PACKAGES = (
     *("controller_interface", "diagnostic_msgs", "hardware_interface"),
-    *("pluginlib", "rclcpp", "rclcpp_lifecycle"),
+    *("pluginlib", "rcl_interfaces", "rclcpp", "rclcpp_lifecycle"),
 )
 OK, ERROR = 0.0, 1.0
 NOTHING, UNREADABLE, UNWRITABLE = 0.0, 1.0, 2.0
@@ -343,6 +343,29 @@ def test_the_example_of_a_servo_follows_commands(command, tmp_path) -> None:
     urdf = ElementTree.parse(tmp_path / f"urdf/touch_{command}.urdf.xacro").getroot()
     given = {each.get("name") for each in urdf.findall("ros2_control/joint/command_interface")}
     assert given == {command}
+
+
+def test_params_are_set_while_the_task_runs(driven) -> None:
+    """The moves of the recorded run, to the bit; those of its tick 0 after the activation."""
+    _, torques, ended = recorded("live")
+    moves = ["@0:param.push=4", "@0:param.sway=0.003", "@31:param.sway=0.007"]
+    moves += ["@200:param.push=8", "@250:param.push=3"]
+    some = records("live")
+    found, said, code = driven("live", some, *moves, "@100:param.push=nan", "@100:param.push=9")
+    assert (code, ended) == (0, "end"), said
+    assert said.count("param.push: refused") == 2
+    assert said.count(": taken") == 5
+    assert "allocations: 0\n" in said
+    assert found[:-1, 1:].tobytes() == torques.tobytes()
+    # Given before, it is what the task begins with.
+    begun, said, code = driven("live", some, "param.push=d:3", *moves[1:3])
+    assert code == 0, said
+    assert begun[:-1, 1:].tobytes() != torques.tobytes()
+    _, said, code = driven("live", some[:1], "param.push=d:80")
+    assert code == 3
+    assert "parameter 'param.push' is out of its range" in said
+    readme = package("live").files["README.md"].decode()
+    assert "| `param.push` | `5.0` | of the task, 2 N to 8 N: may be set while it runs" in readme
 
 
 @pytest.mark.parametrize("name", ["wipe-table", "unknown-normal", "linkage-in-joints", "ring"])

@@ -55,3 +55,16 @@ stages:
     frame: tool
     axes: {z: {move: -10 mm, speed: 50 mm/s}}
 """
+
+#: Goes along a path of joints, then moves the tip.
+UNFOLD = """\
+taskspec: 1
+name: unfold
+robot: {model: planar2, start: {joints: [20 deg, 60 deg]}}
+world: {}
+stages:
+  unfold:
+    path: {joints: [[40 deg, 40 deg]], speed: 60 deg/s}
+  move:
+    axes: {x: {move: 20 mm, speed: 50 mm/s}}
+"""

@@ -203,6 +203,21 @@ def test_a_force_that_is_set_is_reached_across_a_change_of_stage() -> None:
     assert history.columns["force.z"][-1] == pytest.approx(-16.0, rel=0.02)
 
 
+def test_a_set_point_that_is_lowered_is_no_overshoot_of_the_first_one(tmp_path: Path) -> None:
+    """It went from 12 N to 8 N: what counts is how far below 8 N it was."""
+    text = TASK.replace("time: 1.5 s", "time: 2.5 s")
+    ran = run(load_text(text, "task"), tmp_path / "run", live=["press = 8 N @ 1.5 s"], report=False)
+    found = ran.summary["responses"]["press"]["force.z"]
+    rows = ran.history.window("press") & (ran.history.columns["clock"] > 1.5)
+    beyond = float((ran.history.columns["force.z"][rows] + 8.0).max())
+    assert found["set_point"] == pytest.approx(-8.0)
+    assert found["step"] == pytest.approx(4.0, abs=0.2)
+    assert found["overshoot"] == pytest.approx(max(beyond, 0.0), abs=1e-9)
+    assert found["overshoot"] < 0.5
+    # At 10 N/s it is on its way for 0.4 s.
+    assert 0.3 < found["settling_time"] < 0.7
+
+
 def test_a_gain_that_is_set_is_the_law_s() -> None:
     history = recorded(["soft = 500 N/m @ 1.1 s"])
     assert history.columns["gain.stiffness.x"] == pytest.approx(history.columns["param.soft"])
@@ -272,6 +287,20 @@ def test_an_expectation_is_judged_by_the_value_of_each_tick(tmp_path: Path) -> N
     high = run(task, tmp_path / "high", report=False)
     assert [each.passed for each in low.expectations] == [False]
     assert [each.passed for each in high.expectations] == [True]
+
+
+def test_a_last_value_is_compared_with_what_was_set_then(tmp_path: Path) -> None:
+    text = TASK.replace(
+        "- press.force.z within -press +- 12 N",
+        "- last(press.force.z) within -press +- 1 N\n  - last(press.force.z) < -press + 1 N\n"
+        "  - max(press.force.z) < -press + 1 N",
+    )
+    moved = run(load_text(text, "task"), tmp_path, live=["press = 8 N @ 1 s"], report=False)
+    by = {each.text: each.passed for each in moved.expectations}
+    assert by["last(press.force.z) within -press +- 1 N"] is True
+    assert by["last(press.force.z) < -press + 1 N"] is True
+    # No tick's value belongs to a greatest one: each is compared with it.
+    assert by["max(press.force.z) < -press + 1 N"] is False
 
 
 @pytest.mark.parametrize(

@@ -130,6 +130,40 @@ def test_of_several_visits_the_one_that_settled_last() -> None:
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("rate", [0.0, 40.0])
+def test_a_set_point_that_is_set_meanwhile_is_a_step_from_there(rate) -> None:
+    """Down from 12 N to 8 N at 1 s, jumping or at a rate: y follows first order, and never beyond.
+
+    Behind a ramp of slope s the error ends as s T (1 - e^(-t_r/T)) and decays from there.
+    """
+    constant, t = 0.05, clock(2.0)
+    since = t - 1.0
+    lasts = 4.0 / rate if rate else 0.0
+    moved = np.clip(since / lasts, 0, 1) if rate else (since >= 0).astype(float)
+    push = 12.0 - 4.0 * moved
+    decay = np.exp(-np.maximum(since, 0) / constant)
+    if rate:
+        lag = rate * constant * (1 - np.exp(-np.clip(since, 0, lasts) / constant))
+        error = lag * np.exp(-np.maximum(since - lasts, 0) / constant)
+        settled = lasts + constant * np.log(error.max() / 0.16)
+    else:
+        error, settled = np.where(since >= 0, 4.0 * decay, 0.0), constant * np.log(4.0 / 0.16)
+    # It has risen from 0 to 12 N before, with a blow of 5 N.
+    blow = 5 * np.exp(-(((t - 0.2) / 0.05) ** 2))
+    values = -(push + error) * (1 - np.exp(-t / 0.02)) - blow
+    log = {"t": t, "force.z": values, "force.z.ref": -push, "param.push": push}
+    run = History(log, np.array(["press"] * len(t)))
+    uses = {("press", "force.z"): ["param.push"]}
+    found = responses(run, {"press": {"force.z": None}}, PERIOD, {}, uses)["press"]["force.z"]
+    assert (found["set_point"], found["step"]) == (-8.0, pytest.approx(4.0, abs=1e-6))
+    assert found["overshoot"] == pytest.approx(0.0, abs=1e-6)
+    assert found["settling_time"] == pytest.approx(settled, abs=2 * PERIOD)
+    assert found["time_constant"] == pytest.approx(constant, rel=1e-3)
+    # Of a set point without that param it is a step from 0, which went 12 + 5 - 8 N beyond.
+    other = responses(run, {"press": {"force.z": None}}, PERIOD, {})["press"]["force.z"]
+    assert other["overshoot"] == pytest.approx(9.0, abs=0.01)
+
+
 def test_what_is_no_step_has_no_overshoot() -> None:
     """From -14 N to -15 N there is a step of 7 %: a blow of 25 N beyond it is none of it."""
     t = clock(2.0)

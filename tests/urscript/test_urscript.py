@@ -43,7 +43,7 @@ _URSCRIPT = {
     *("get_actual_joint_positions", "get_tcp_force", "zero_ftsensor"),
     *("set_tcp", "set_target_payload", "movej", "servoj", "speedl", "stopl"),
     *("force_mode", "end_force_mode", "force_mode_set_damping", "force_mode_set_gain_scaling"),
-    *("popup", "textmsg"),
+    *("read_input_boolean_register", "read_input_float_register", "popup", "textmsg"),
 }
 _NAMED_ARGUMENTS = re.compile(r"\b(?:a|v|t|lookahead_time|gain|title|error|blocking)=")
 _OPENS = re.compile(r"(?:def|if|while)\b.*:$")
@@ -104,6 +104,36 @@ def test_lines_of_losses_are_those_of_the_file():
     force = next(loss for loss in script.all_losses if "force loop" in loss.text)
     assert lines[force.line - 1][force.column - 1 :].startswith("{force: -press, ramp: 0.3 s}")
     assert f"# LOST ({EXAMPLE}.yaml:{force.line}): {force.text}" in script.text
+
+
+def test_a_live_param_is_set_at_a_register_and_others_follow_it():
+    live = "params: {press: {value: 5 N, live: 2..8 N, rate: 4 N/s}, half: press / 2}\nstages:\n"
+    stages = (
+        "  a: {axes: {z: {velocity: -20 mm/s}}, until: force.z < -half, within: {time: 2 s}}\n"
+        "  b: {axes: {z: {force: -press}}, time: 1 s}\n"
+    )
+    head = _HEAD.replace("{max: 40 N, then: away}", "40 N").replace("stages:\n", live)
+    text = script_of(plan_task(load_text(head + stages, "made.yaml"))).text
+    about = "N, set at float input register 24 while boolean 64 is true"
+    assert f"global PRESS = 5.0  # {about}\n" in text
+    follows = "PRESS = followed(PRESS, 24, 2.0, 8.0, 4.0)"
+    assert text.count(f"      {follows}\n      HALF = PRESS / 2.0\n") == 2
+    assert "def followed(value, register, least, most, rate):" in text
+    # A task without any has nothing of it.
+    assert "followed" not in outcome(EXAMPLE).script.text
+
+
+def test_live_params_without_a_register_stay_and_that_is_said():
+    many = ", ".join(f"p{i}: {{value: 1 N, live: 0..2 N}}" for i in range(25))
+    head = _HEAD.replace("{max: 40 N, then: away}", "40 N")
+    head = head.replace("stages:\n", f"params: {{{many}}}\nstages:\n")
+    sums = " - ".join(f"p{i}" for i in range(25))
+    stage = f"  a: {{axes: {{z: {{force: -{sums}}}}}, time: 1 s}}\n"
+    script = script_of(plan_task(load_text(head + stage, "made.yaml")))
+    said = [loss.text for loss in script.all_losses if loss.text.startswith("the param")]
+    assert len(said) == 1
+    assert said[0].startswith("the param p24 stays at 1 N")
+    assert "P23 = followed(P23, 47, 0.0, 2.0, 0.0)" in script.text
 
 
 # Physics

@@ -94,13 +94,14 @@ def plant(
     served: options.PlantOptions,
     given: options.WorldOptions,
     kept: options.RecordOptions,
+    live: options.LiveOptions,
     force: options.Force = False,
 ) -> int:
     """Serve a task's plant: whoever answers with torques drives it, and is judged by the file."""
     from taskspec_runner.cli.plant import Listening
     from taskspec_runner.cli.run import run_task
 
-    return run_task(file, given, kept, force=force, on=Listening(served))
+    return run_task(file, given, kept, force=force, on=Listening(served), live=live.moves)
 
 
 @_command
@@ -359,19 +360,15 @@ def judge(
 @_command
 def export(
     *,
-    folder: Annotated[
-        Path,
+    paths: Annotated[
+        list[Path],
         typer.Argument(
-            metavar="RUN|FILE",
-            help="The folder of a run; with --c, --fmu, --ros2-control or --urscript a task file.",
+            metavar="RUN|FILE [PATH]",
+            help="The folder of a run and the file that is written, by default RUN/log.FORMAT; "
+            "with --lerobot folders of runs and sweeps; with --c, --fmu, --ros2-control or "
+            "--urscript a task file.",
         ),
     ],
-    path: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="PATH", help="The file that is written.", show_default="RUN/log.FORMAT"
-        ),
-    ] = None,
     csv: Annotated[
         bool, typer.Option("--csv", help="Write text, with units in the header.")
     ] = False,
@@ -413,6 +410,7 @@ def export(
         typer.Option(metavar="PATH", help="Write a task as a program of a Universal Robots arm."),
     ] = None,
     given: options.TaskOptions,
+    dataset: options.DatasetOptions,
     start: options.From = None,
     end: options.To = None,
 ) -> int:
@@ -422,14 +420,23 @@ def export(
     chosen = {"csv": csv, "parquet": parquet, "mcap": mcap, "rerun": rerun}
     forms = [form for form, wanted in chosen.items() if wanted]
     named = {"--c": c, "--fmu": fmu, "--ros2-control": ros2_control, "--urscript": urscript}
+    named["--lerobot"] = dataset.lerobot
     targets = [(option, target) for option, target in named.items() if target is not None]
     if len(targets) > 1:
         both = f"name one of {targets[0][0]} and {targets[1][0]}"
         raise typer.BadParameter(both, param_hint=targets[1][0])
+    option, target = targets[0] if targets else ("", Path())
+    if option == "--lerobot":
+        from taskspec_runner.cli.dataset import export_episodes
+
+        exports.of_a_run(given)
+        exports.of_all_ticks(forms, start, end)
+        return export_episodes(paths, target, dataset)
+    exports.of_a_dataset(dataset)
+    folder, path = exports.one_of(paths)
     if not targets:
         exports.of_a_run(given)
         return exports.export_log(folder, path, forms, start, end)
-    [(option, target)] = targets
     exports.of_a_task(option, path, forms, start, end)
     if option == "--c":
         return exports.export_controller(folder, target, given)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
-from taskspec_runner.cli.options import TaskOptions
+from taskspec_runner.cli.options import DatasetOptions, TaskOptions
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 
@@ -37,6 +37,47 @@ def of_a_task(
         raise InputError(
             f"{wrong[0]} is of the log of a run, {option} of a task file; leave one out"
         )
+
+
+def of_all_ticks(forms: Sequence[str], start: float | None, end: float | None) -> None:
+    """Refuses with a dataset what is of the log of one run.
+
+    Raises:
+        InputError: there is such a thing.
+    """
+    given = {f"--{form}": True for form in forms}
+    given |= {"--from": start is not None, "--to": end is not None}
+    wrong = [name for name, is_given in given.items() if is_given]
+    if wrong:
+        raise InputError(
+            f"{wrong[0]} is of the log of one run, --lerobot of whole runs; leave one out"
+        )
+
+
+def of_a_dataset(given: DatasetOptions) -> None:
+    """Refuses without a dataset what is of one.
+
+    Raises:
+        InputError: there is such a thing.
+    """
+    named = {"--fps": given.fps, "--camera": given.camera, "--size": given.size}
+    wrong = [name for name, value in named.items() if value is not None]
+    if wrong:
+        raise InputError(f"{wrong[0]} is of a dataset; name its folder: --lerobot DIR")
+
+
+def one_of(paths: Sequence[Path]) -> tuple[Path, Path | None]:
+    """What is exported, and where to if that is named.
+
+    Raises:
+        InputError: more is named.
+    """
+    folder, *rest = paths
+    if len(rest) > 1:
+        raise InputError(
+            f"{rest[1]} is one path too many: name a run and a file; --lerobot DIR takes many runs"
+        )
+    return folder, rest[0] if rest else None
 
 
 def of_a_run(given: TaskOptions) -> None:
@@ -207,7 +248,7 @@ def export_log(
     """Writes the log of a run in some formats and says where, and whether the run is partial."""
     if not forms:
         raise InputError(
-            "name a format to export to: --csv, --parquet, --mcap or --rerun; "
+            "name a format to export to: --csv, --parquet, --mcap, --rerun or --lerobot; "
             f"or {OF_TASKS} for a task"
         )
     if path is not None and len(forms) > 1:

@@ -106,7 +106,7 @@ def judge_folder(folder: Path, form: RunFormat, *, recorded: bool = False) -> in
         program = run.program
     except RebuildError as error:
         raise InputError(f"cannot judge {folder}: its task: {error}") from error
-    judged = [plain(each.as_data()) for each in judge_run(program, run.history)]
+    judged = [plain(each.as_data()) for each in judge_run(program, run.history, run.world.task)]
     found = [plain(each.as_data()) for each in findings(program, run.history, run.world.task)]
     # What is there, also if it is not what the run wrote: that is what is to be found out.
     said = run.summary or read_json(folder / SUMMARY)

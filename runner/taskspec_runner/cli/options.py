@@ -137,7 +137,8 @@ class LiveOptions:
         typer.Option(
             "--live",
             metavar="'NAME = VALUE @ TIME'",
-            help="Set a live param at a run time, such as 'press = 8 N @ 1 s'; may be repeated.",
+            help="Set a live param at a run time, such as 'press = 8 N @ 1 s'; or an address, such "
+            "as udp://127.0.0.1:0, at which other programs set them. May be repeated.",
         ),
     ] = field(default_factory=list)
 
@@ -396,6 +397,38 @@ class CutOptions:
             metavar="AZIMUTH,ELEVATION,DISTANCE",
             help="Look at the arm from here, in degrees and metres, such as 120,-20,1.2.",
             show_default="found for each run",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class DatasetOptions:
+    """What a dataset of runs holds."""
+
+    lerobot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Write runs as a LeRobot dataset, an episode each, those of a sweep among them: a "
+            "folder that is new or empty.",
+        ),
+    ] = None
+    fps: Annotated[
+        int | None,
+        typer.Option(min=1, help="The frames of a second of it.", show_default="30"),
+    ] = None
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            metavar="auto|AZIMUTH,ELEVATION,DISTANCE",
+            help="Film the runs for it: from where all of the first run is visible, or from here, "
+            "in degrees and metres.",
+        ),
+    ] = None
+    size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WxH", help="The size of its pictures, in pixels.", show_default="320x240"
         ),
     ] = None
 

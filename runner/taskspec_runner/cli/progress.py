@@ -1,4 +1,4 @@
-"""The line that shows a run as it goes on."""
+"""The lines that show a run as it goes on, and how much of something is done."""
 
 from __future__ import annotations
 
@@ -94,3 +94,21 @@ def describe(glimpse: Glimpse) -> str:
         numbers = f"{glimpse.force:8.2f} of {glimpse.reference:.2f} {unit}"
         parts.append(f"{axis.effort}.{axis} {numbers:<22}")
     return "  ".join([*parts, f"{glimpse.real_time_factor:.0f} x real time"])
+
+
+@contextmanager
+def counted_line(what: str, *, shown: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """Shows on standard error how many of something are done, and of how many."""
+    if not shown:
+        yield None
+        return
+    from rich.live import Live
+    from rich.text import Text
+
+    with Live(console=console(err=True), transient=True) as live:
+
+        def progress(done: int, of: int) -> None:
+            share = 100 * done // of
+            live.update(Text(f"{what} {done} of {of}, {share} %", no_wrap=True))
+
+        yield progress

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlencode
@@ -14,6 +12,7 @@ from urllib.parse import urlencode
 import typer
 
 from taskspec_runner.cli.options import CutOptions, ReplayOptions
+from taskspec_runner.cli.progress import counted_line
 from taskspec_runner.cli.run_damage import warn_of_damage
 from taskspec_runner.errors import InputError
 from taskspec_runner.runs import Run
@@ -78,7 +77,7 @@ def film(run: Run, video: Path, cut: Clip | None = None, *, quiet: bool = False)
 
     check_video(video)
     recording = Recording.of(run)
-    with _frames_line(shown=not quiet and sys.stderr.isatty()) as progress:
+    with counted_line("video: frame", shown=not quiet and sys.stderr.isatty()) as progress:
         write_video(recording, video, cut or Clip(), progress)
 
 
@@ -97,54 +96,45 @@ def read_cut(cut: CutOptions) -> Clip:
     for name, value in (("--from", cut.start), ("--to", cut.end)):
         if value is not None and not math.isfinite(value):
             raise InputError(f"{name} needs a time in seconds, not {value:g}")
-    width, height = _size(cut.size)
-    camera = None if cut.camera is None else _camera(cut.camera)
+    width, height = picture_size(cut.size, _SMALLEST_SIZE)
+    camera = None if cut.camera is None else camera_place(cut.camera)
     return Clip(cut.start, cut.end, cut.speed, width, height, cut.fps, camera)
 
 
-def _size(text: str) -> tuple[int, int]:
+def picture_size(text: str, smallest: tuple[int, int]) -> tuple[int, int]:
+    """Width and height of pictures [px], from the command line; both are even.
+
+    Raises:
+        InputError: it is no size, or too small or too large.
+    """
     found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text.strip())
     width, height = (int(found[1]), int(found[2])) if found else (0, 0)
-    good = (
-        _SMALLEST_SIZE[0] <= width <= _LARGEST_SIZE[0]
-        and _SMALLEST_SIZE[1] <= height <= _LARGEST_SIZE[1]
-    )
+    good = smallest[0] <= width <= _LARGEST_SIZE[0] and smallest[1] <= height <= _LARGEST_SIZE[1]
     if not good or width % 2 or height % 2:
-        limits = " to ".join("x".join(map(str, each)) for each in (_SMALLEST_SIZE, _LARGEST_SIZE))
+        limits = " to ".join("x".join(map(str, each)) for each in (smallest, _LARGEST_SIZE))
         raise InputError(
             f"--size needs two even numbers of pixels, {limits}, such as 1280x720, not {text!r}"
         )
     return width, height
 
 
-def _camera(text: str) -> tuple[float, float, float]:
+def camera_place(text: str, otherwise: str = "") -> tuple[float, float, float]:
+    """Azimuth, elevation [deg] and distance [m] of a camera, from the command line.
+
+    Args:
+        text: as it was given.
+        otherwise: what else the option takes, for the message.
+
+    Raises:
+        InputError: it is none.
+    """
     try:
         azimuth, elevation, distance = (float(part) for part in text.split(","))
     except ValueError:
         azimuth = elevation = distance = math.nan
     if not (math.isfinite(azimuth) and abs(elevation) <= 90 and 0.05 <= distance <= 100):
         raise InputError(
-            "--camera needs azimuth and elevation in degrees and a distance in metres, such as "
-            f"120,-20,1.2, not {text!r}"
+            f"--camera needs {otherwise}azimuth and elevation in degrees and a distance in metres, "
+            f"such as 120,-20,1.2, not {text!r}"
         )
     return azimuth, elevation, distance
-
-
-@contextmanager
-def _frames_line(*, shown: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """Shows on standard error how many frames are drawn."""
-    if not shown:
-        yield None
-        return
-    from rich.live import Live
-    from rich.text import Text
-
-    from taskspec_runner.cli.console import console
-
-    with Live(console=console(err=True), transient=True) as live:
-
-        def progress(done: int, frames: int) -> None:
-            share = 100 * done // frames
-            live.update(Text(f"video: frame {done} of {frames}, {share} %", no_wrap=True))
-
-        yield progress

@@ -60,7 +60,7 @@ def run_task(
     from taskspec_runner.cli.outcome import show_outcome
     from taskspec_runner.cli.progress import progress_line
     from taskspec_runner.cli.testing.outcome import outcome_of, refused_by
-    from taskspec_runner.loop.live_schedule import scheduled
+    from taskspec_runner.loop.live_requests import setting
     from taskspec_runner.loop.telemetry import sending
     from taskspec_runner.session import execute_program
     from taskspec_runner.sweep.chosen import chosen_world
@@ -94,11 +94,11 @@ def run_task(
     if program.findings and not quiet:
         show_diagnostics(program.findings, program.context.loaded.sources, err=True)
     chosen = chosen_world(program.context, given.seed, given.world)
-    hand = scheduled(live, program.context.loaded.task, program.context.period)
     link = None if on is None else on.link(program, None if quiet else _say)
     watching = _page(program, chosen, watched) if watched.watch else nullcontext()
     with watching as page:
         with (
+            setting(live, program.context.loaded.task, program.context.period, _say) as hand,
             sending(kept.telemetry, _say) as sink,
             progress_line(shown=not quiet and sys.stderr.isatty()) as progress,
         ):

@@ -20,6 +20,8 @@ from xml.etree.ElementTree import Element, SubElement
 from taskspec.deferred_methods import dataclass
 from taskspec.native.kernel_c import number
 from taskspec.program.program import Program
+from taskspec.spec import Task
+from taskspec.text.units import Dimension, in_si, si_unit
 from taskspec_runner.controller_c.commanded import CommandedQuantity
 from taskspec_runner.controller_c.source import Controller, controller_of, filled
 from taskspec_runner.controller_c.states import BEARS, STATES
@@ -60,6 +62,7 @@ class FmuVariable:
         start: of an input or a parameter.
         unit: of a number.
         declared: name of an enumeration.
+        range: of a param that may be set, its least and its greatest value.
     """
 
     name: str
@@ -69,6 +72,7 @@ class FmuVariable:
     start: str | None = None
     unit: str | None = None
     declared: str | None = None
+    range: tuple[float, float] | None = None
 
     @property
     def facts(self) -> dict[str, str]:
@@ -87,6 +91,8 @@ class FmuVariable:
         """Attributes that are of its type."""
         found = {"declaredType": self.declared, "unit": self.unit, "start": self.start}
         found |= {"min": "0", "max": str(2**31 - 1)} if self.form == "Int64" else {}
+        if self.range is not None:
+            found |= dict(zip(("min", "max"), map(repr, self.range), strict=True))
         return {name: value for name, value in found.items() if value is not None}
 
 
@@ -170,7 +176,9 @@ def fmu_of(program: Program, fmi: int = 3) -> Fmu:
         "COMMAND": CommandedQuantity.of(program).name,
         "VERSION": version("taskspec-robotics"),
         "PERIOD": number(program.context.period),
-        "INPUTS": str(sum(v.causality == "input" for v in variables)),
+        "INPUTS": str(
+            sum(v.causality == "input" for v in variables) - len(program.context.loaded.task.live)
+        ),
     }
     templates = {name: (_FOLDER / name).read_text("utf-8") for name in ("fmu.h", f"fmi{fmi}.c")}
     describe = {2: _description_2, 3: _description_3}[fmi]
@@ -221,8 +229,7 @@ def _variables(program: Program, controller: Controller) -> list[FmuVariable]:
     group = output_group(commanded.name).removesuffix(".")
     of_joints(group, units[commanded.name], "output", said)
     text = "control periods within a communication step that may lack a sample; more end the task"
-    return [
-        *found,
+    found += [
         FmuVariable("state", "Enumeration", "output", "whether the task goes on", declared="State"),
         FmuVariable("stage", "Enumeration", "output", "in which it is, or ended", declared="Stage"),
         FmuVariable("lost_samples", "Int64", "parameter", text, str(BEARS)),
@@ -234,6 +241,40 @@ def _variables(program: Program, controller: Controller) -> list[FmuVariable]:
             "why the task has ended, or that it goes on, as a sentence",
         ),
     ]
+    return found + _params(context.loaded.task)
+
+
+def _params(task: Task) -> list[FmuVariable]:
+    """What the params are set to that may be set, then their values."""
+    set_to, values = list[FmuVariable](), list[FmuVariable]()
+    for name, param in task.live.items():
+        unit, ends = _unit_of(param.dimension) or None, (param.low, param.high)
+        rate = f"{in_si(param.rate, param.dimension)} per second" if param.rate else ""
+        goes = f"goes to at {rate}" if rate else "jumps to"
+        text = f"what the param {name} {goes}; beyond its range the nearest value in it"
+        start = repr(param.value)
+        set_to.append(FmuVariable(f"set.{name}", "Float64", "input", text, start, unit, range=ends))
+        text = f"value of the param {name}"
+        values.append(FmuVariable(f"param.{name}", "Float64", "output", text, None, unit))
+    return set_to + values
+
+
+def _unit_of(dimension: Dimension) -> str:
+    """The SI unit of a param in the notation of FMI, whose exponents are whole; empty for none."""
+    d = dimension
+    whole = all(float(n).is_integer() for n in (d.mass, d.length, d.time, d.angle))
+    return si_unit(d).replace("*", ".") if whole else ""
+
+
+def _units(task: Task) -> dict[str, dict[str, int]]:
+    """The exponents of the SI units of a task's variables, by the name of a unit."""
+    found = dict(_UNITS)
+    for param in task.live.values():
+        d = param.dimension
+        powers = {"kg": d.mass, "m": d.length, "s": d.time, "rad": d.angle}
+        if name := _unit_of(d):
+            found.setdefault(name, {base: int(n) for base, n in powers.items() if n})
+    return found
 
 
 def output_group(commanded: str) -> str:
@@ -269,7 +310,7 @@ def _description_3(
         canGetAndSetFMUState="true",
         fixedInternalStepSize=period,
     )
-    _add_units(root, variables)
+    _add_units(root, program.context.loaded.task, variables)
     types = SubElement(root, "TypeDefinitions")
     for name, items in _types(program).items():
         _add_items(SubElement(types, "EnumerationType", name=name), items)
@@ -306,7 +347,7 @@ def _description_2(
     files = SubElement(simulation, "SourceFiles")
     for name in ("fmi2.c", f"{controller.name}.c"):
         SubElement(files, "File", name=name)
-    _add_units(root, variables)
+    _add_units(root, program.context.loaded.task, variables)
     types = SubElement(root, "TypeDefinitions")
     for name, items in _types(program).items():
         of_type = SubElement(types, "SimpleType", name=name)
@@ -341,10 +382,10 @@ def _root(program: Program, facts: dict[str, str]) -> Element:
     return Element("fmiModelDescription", facts | {"variableNamingConvention": "structured"})
 
 
-def _add_units(root: Element, variables: Sequence[FmuVariable]) -> None:
+def _add_units(root: Element, task: Task, variables: Sequence[FmuVariable]) -> None:
     units = SubElement(root, "UnitDefinitions")
     used = {v.unit for v in variables}
-    for name, exponents in _UNITS.items():
+    for name, exponents in _units(task).items():
         if name in used:
             unit = SubElement(units, "Unit", name=name)
             SubElement(unit, "BaseUnit", {base: str(e) for base, e in exponents.items()})

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import exits
 from taskspec.program.program import Program
-from taskspec.spec import Robot
+from taskspec.spec import Robot, Task
 from taskspec.spec.servo import PLURALS
 from taskspec.text.units import (
     ANGULAR_ACCELERATION,
@@ -19,6 +19,7 @@ from taskspec.text.units import (
     LENGTH,
     LINEAR_ACCELERATION,
     VELOCITY,
+    in_si,
     si_unit,
 )
 from taskspec_runner.controller_c.commanded import CommandedQuantity
@@ -47,6 +48,7 @@ def header_facts(program: Program, machine: Machine) -> dict[str, str]:
         "AT_END": _comment([f"From its end on, whatever it is, {commanded.at_end}"]),
         "AT_START": _comment([commanded.at_start], indent=4).strip(),
         "STAGE_TABLE": _comment(_stages(machine), wrap=False),
+        "PARAM_TABLE": _comment(_params(task), wrap=False),
         "LIMITS": _comment(_limits(machine), wrap=False),
         "WRENCH": _comment(wrench_lines(program, machine), indent=4),
         "REACTION_NAMES": _comment(_reactions(program), indent=4),
@@ -102,8 +104,7 @@ def _joints(program: Program, machine: Machine) -> list[str]:
         )
     if not np.isfinite(rates).any():
         rows = [row[:-1] for row in rows]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    return _aligned(rows)
 
 
 def _accelerated(hinge: bool) -> str:
@@ -158,6 +159,23 @@ def _limits(machine: Machine) -> list[str]:
         last = f" .. {others[-1]}" if others else ""
         lines.append(f"{name}: {first}{last}")
     return lines or ["none"]
+
+
+def _params(task: Task) -> list[str]:
+    """The table of the params that may be set."""
+    if not task.live:
+        return ["none"]
+    rows = [("", "name", "value", "range", "rate limit")]
+    for i, (name, param) in enumerate(task.live.items()):
+        low, high = (in_si(x, param.dimension) for x in (param.low, param.high))
+        rate = f"{in_si(param.rate, param.dimension)} per second" if param.rate else "none"
+        rows.append((f"{i}", name, in_si(param.value, param.dimension), f"{low} .. {high}", rate))
+    return _aligned(rows)
+
+
+def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
 def wrench_lines(program: Program, machine: Machine) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -20,9 +20,12 @@ from taskspec.program.evaluation import Evaluation, evaluate
 from taskspec.program.execution import controller
 from taskspec.program.execution.controller_memory import controller_memories
 from taskspec.program.execution.exits import repeats
+from taskspec.program.execution.live_params import declare, request
 from taskspec.program.execution.machine import Machine
 from taskspec.program.execution.transition import END, exits
 from taskspec.program.program import Program
+from taskspec.spec.params import LiveParam
+from taskspec.text.units import si_unit
 from taskspec_runner.controller_c.header import header_facts, wrench_lines
 from taskspec_runner.controller_c.layout import Layout
 from taskspec_runner.controller_c.states import BEARS, STATES
@@ -54,6 +57,7 @@ _TAKEN = frozenset(
 _KERNEL = (
     *(controller.start, controller.control, controller.open_stage, controller.leave),
     *(controller.begin, controller.stop),
+    *(declare, request),
 )
 
 
@@ -232,8 +236,29 @@ def _facts(program: Program, machine: Machine, name: str, layout: Layout) -> dic
         "STAGES": str(len(stages)),
         "STAGE_NAMES": ", ".join(map(_quoted, stages)),
         "READING": _reading(machine, layout),
+        "PARAMS": str(len(loaded.task.live)),
+        "PARAM_ENUM": _param_enum(name, loaded.task.live),
+        "PARAM_FACTS": _param_facts(loaded.task.live),
         **header_facts(program, machine),
     }
+
+
+def _param_enum(name: str, live: Mapping[str, LiveParam]) -> str:
+    """The enumeration of the params that may be set; without any there is none."""
+    if not live:
+        return "/* This task has none. */"
+    rows = ",\n".join(f"    {name}_param_{param} = {i}" for i, param in enumerate(live))
+    return f"enum {name}_param {{\n{rows}\n}};"
+
+
+def _param_facts(live: Mapping[str, LiveParam]) -> str:
+    """The rows of the table of params; one of nothing without any, as C has no empty tables."""
+    rows = [
+        f"    {{{_quoted(name)}, {_quoted(si_unit(param.dimension))}, "
+        f"{', '.join(number(x) for x in (param.value, param.low, param.high, param.rate))}}},"
+        for name, param in live.items()
+    ]
+    return "\n".join(rows or ['    {"", "", 0.0, 0.0, 0.0, 0.0},'])
 
 
 def _reading(machine: Machine, layout: Layout) -> str:

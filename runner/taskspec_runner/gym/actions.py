@@ -66,7 +66,8 @@ class Actions:
         Args:
             loaded: the task.
             act: names of live params, or a mapping: of such a name to True; of the name of an axis
-                to residuals as `force +- 5 N`, one or a list. None for all live params.
+                to residuals as `force +- 5 N`, one, a list, or a mapping as `{"force": "+- 5 N"}`.
+                None for all live params.
 
         Raises:
             InputError: there is no such param or axis, or no stage has what would be added to.
@@ -143,6 +144,8 @@ def _residuals(name: str, what: Any) -> Iterator[Residual]:
     if axis is None:
         hint = suggestion(name, list(map(str, Axis)), "axes")
         raise InputError(f"act: {name!r} is no axis, to which {what!r} could be added; {hint}")
+    if isinstance(what, MappingOf):
+        what = [f"{key} {interval}" for key, interval in what.items()]
     for text in [what] if isinstance(what, str) else what:
         matched = _RESIDUAL.match(str(text))
         if matched is None or matched.group(1) not in RESIDUAL_KEYS:

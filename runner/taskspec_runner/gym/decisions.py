@@ -14,6 +14,9 @@ from taskspec.spec import Task
 from taskspec_runner.record.named import scope_of
 from taskspec_runner.record.truth import Formulas
 
+#: Names that a tick alone has no value of.
+_OF_A_RUN = ("visits", "energy")
+
 
 def breaking(task: Task) -> Formulas:
     """What is 1 at a tick that breaks an expectation, by a name of it, and for each stage.
@@ -62,7 +65,7 @@ def _stages(task: Task, node: tree.Node) -> Iterator[str]:
         if not isinstance(each, tree.Name):
             continue
         meaning = resolve(each.path, scope)
-        if each.frame is not None or meaning is None or meaning.kind == "visits":
+        if each.frame is not None or meaning is None or meaning.kind in _OF_A_RUN:
             return
         if meaning.stage is not None:
             named.add(meaning.stage)

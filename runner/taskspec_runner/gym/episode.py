@@ -46,7 +46,7 @@ class Episode:
         Args:
             program: of the task.
             world: that the plant is.
-            watched: works out the formulas that every tick is looked at by; None for none.
+            watched: works out the formulas that are worked out at every tick; None for none.
             broken: those of them that are 1 where an expectation is broken, as `breaking` names
                 them.
             every: ticks of a step.

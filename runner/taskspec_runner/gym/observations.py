@@ -10,12 +10,12 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
-from taskspec.expression import Meaning, ScopeKind, resolve
+from taskspec.expression import Meaning, Scope, ScopeKind, resolve
 from taskspec.expression.tree import Name
 from taskspec.expression.unknown import explain_name
 from taskspec.program.ports import HEALTHY
 from taskspec.program.program import Program
-from taskspec.signals import VECTORS
+from taskspec.signals import CLOCKS, SCALARS, VECTORS
 from taskspec.spec import Task
 from taskspec.text.suggest import suggestion
 from taskspec.text.units import si_unit
@@ -90,8 +90,10 @@ class Observations:
         self._program, self._task = program, task
         self._layout = LogLayout.of(program, task)
         self._bounds = _Bounds(program, longest)
-        asked = usual(program) if wanted is None else wanted
-        ticks = asked if isinstance(asked, Mapping) else dict.fromkeys(asked, 1)
+        if isinstance(wanted, str):
+            raise InputError(f"observe is a list or a mapping: observe=[{wanted!r}]")
+        named = usual(program) if wanted is None else wanted
+        ticks = named if isinstance(named, Mapping) else dict.fromkeys(named, 1)
         self.observed = tuple(self._all(ticks))
         if not self.observed:
             raise InputError("an observation needs a signal: such as observe=['force', 'position']")
@@ -150,14 +152,14 @@ class Observations:
         """What shows the ticks of an episode in the world of a task."""
         return ObservedTicks(self, self._of_world.of(task))
 
-    def _all(self, asked: Mapping[str, int]) -> Iterator[Observed]:
-        seen: set[str] = set()
-        for written, ticks in asked.items():
+    def _all(self, named: Mapping[str, int]) -> Iterator[Observed]:
+        there: set[str] = set()
+        for written, ticks in named.items():
             if not isinstance(ticks, int) or ticks < 1:
                 raise InputError(f"observe: {written!r} is of one tick or more, not {ticks!r}")
             for each in self._named(written, ticks):
-                if each.name not in seen:
-                    seen.add(each.name)
+                if each.name not in there:
+                    there.add(each.name)
                     yield each
 
     def _named(self, written: str, ticks: int) -> Iterator[Observed]:
@@ -212,15 +214,26 @@ class Observations:
         known = measured if measured in self._layout.units and not true else column
         return self._layout.place(known)
 
+    def _unknown(self, path: tuple[str, ...], name: str, scope: Scope) -> str:
+        """Why a name is no signal of a tick."""
+        if path[0] in self._task.stages and len(path) > 1:
+            rest = ".".join(path[1:])
+            instead = f"'{STAGE}' is which one it is"
+            own = "visits are for guards" if rest == "visits" else f"write '{rest}'"
+            return f"{name!r} names a stage: {own}, and {instead}"
+        if len(path) == 1:
+            known = [*VECTORS, *SCALARS, *CLOCKS, STAGE, "param", "joint.position"]
+            return f"unknown signal {name!r}; {suggestion(name, known)}"
+        problem = explain_name(Name(path, start=0, end=len(name)), scope)
+        return problem.message + (f"; {problem.hint}" if problem.hint else "")
+
     def _meaning(self, path: tuple[str, ...], name: str, *, true: bool) -> Meaning:
         """What a name means, which is a number of a tick."""
         # Set points are the controller's: it knows them as they are.
         scope = scope_of(self._task, ScopeKind.REWARD)
         meaning = resolve(path, scope)
         if meaning is None or meaning.kind in ("param", "constant", "link"):
-            problem = explain_name(Name(path, start=0, end=len(name)), scope)
-            hint = f"; {problem.hint}" if problem.hint else ""
-            raise InputError(f"observe: {problem.message}{hint}")
+            raise InputError(f"observe: {self._unknown(path, name, scope)}")
         signal, column = meaning.signal, column_of(meaning)
         if column not in self._layout.units:
             raise InputError(f"observe: {name!r} is not among the columns of this task's log")

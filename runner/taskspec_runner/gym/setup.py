@@ -40,7 +40,7 @@ class Setup:
         every: ticks of a step.
         most: ticks of an episode; infinite where nothing but the task ends it.
         worlds: whether every episode is in another random world of `vary`.
-        names: of the formulas that every tick is looked at by.
+        names: of the formulas that are worked out at every tick.
     """
 
     def __init__(
@@ -73,6 +73,8 @@ class Setup:
                 "nothing varies in this task, so that all its worlds are alike: give it a 'vary', "
                 "or leave out worlds=True"
             )
+        if max_time is not None and not max_time > 0:
+            raise InputError(f"max_time: an episode of {max_time:g} s has no step")
         self.worlds, self._loop = worlds, loop
         self.every = self._every(rate, context.period)
         self.most = math.inf if max_time is None else max(1, round(max_time / context.period))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -14,9 +14,15 @@ from gymnasium.vector.utils import iterate
 
 from taskspec_runner.gym.env import TaskEnv
 
+if TYPE_CHECKING:
+    _OneByOne = SyncVectorEnv[Any, Any]
+else:
+    # It takes no types before Gymnasium 1.3.
+    _OneByOne = SyncVectorEnv
+
 
 class _Ahead(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """An environment whose next step or reset is under way before it is asked for."""
+    """An environment whose next step or reset is under way before it is requested."""
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         super().__init__(env)
@@ -39,7 +45,7 @@ class _Ahead(gymnasium.Wrapper[Any, Any, Any, Any]):
         return None if coming is None else coming.result()
 
 
-class ThreadVectorEnv(SyncVectorEnv[Any, Any]):
+class ThreadVectorEnv(_OneByOne):
     """Environments of one process that share a compiled task, stepped by threads.
 
     Ticks are machine code, which leaves Python to the other threads.

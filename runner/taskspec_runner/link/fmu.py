@@ -55,6 +55,7 @@ class ControllerFmu:
         commanded = output_group(program.context.drives.commands)
         self._commands = [references[name] for name in references if name.startswith(commanded)]
         self._state = [references["state"]]
+        self._params = [references[name] for name in references if name.startswith("set.")]
         slave = library(f"fmpy.fmi{version}", "--on fmu:PATH")
         # What is loaded needs its file no more; where it does, the folder stays.
         with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
@@ -96,6 +97,10 @@ class ControllerFmu:
             self._fmu.doStep(stamp, self._period)
         self.command[:] = self._get(self._commands)
         self.state = int(self._get_state(self._state)[0])
+
+    def set(self, param: int, value: float) -> None:
+        """Sets a live param by its number [SI]; before the first answer the task begins with it."""
+        self._set([self._params[param]], [value])
 
 
 class InFmu(InLibrary):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -40,6 +41,9 @@ class ExportedController(Protocol):
 
     def answer(self, stamp: float, *, first: bool = False) -> None:
         """Has the controller answer the sample that is written, at a time [s]."""
+
+    def set(self, param: int, value: float) -> None:
+        """Sets a live param by its number [SI]; before the first answer the task begins with it."""
 
 
 class ControllerLibrary:
@@ -82,7 +86,7 @@ class ControllerLibrary:
         try:
             functions = {
                 part: getattr(self._library, f"{name}_{part}")
-                for part in ("size", "init", "start", "step", "task", "bear")
+                for part in ("size", "init", "start", "step", "task", "bear", "set")
             }
         except AttributeError as error:
             raise InputError(
@@ -102,7 +106,10 @@ class ControllerLibrary:
         functions["init"].argtypes = [pointer]
         for part in ("start", "step"):
             functions[part].argtypes = [pointer] * 3
+        functions["set"].argtypes = [pointer, ctypes.c_int32, ctypes.c_double]
+        functions["set"].restype = ctypes.c_double
         self._start, self._step = functions["start"], functions["step"]
+        self._set = functions["set"]
         # Of doubles, as which it is to be aligned.
         self.memory = np.zeros(-(-functions["size"]() // 8)).view(np.uint8)
         self._instance = functions["init"](self.memory.ctypes.data)
@@ -131,6 +138,10 @@ class ControllerLibrary:
         called = self._start if first else self._step
         called(*self._given)
 
+    def set(self, param: int, value: float) -> None:
+        """Sets a live param by its number [SI]; before the first answer the task begins with it."""
+        self._set(self._instance, param, value)
+
 
 class LibraryPlant:
     """The plant of the loop whose joints an exported controller commands.
@@ -146,6 +157,9 @@ class LibraryPlant:
         self._library, self._plant, self._sensing = library, parts.plant, sensing
         self._machine, self._period = parts.machine, parts.program.context.period
         self._ticks, self._started, self.diverged = 0, False, False
+        task = parts.program.context.loaded.task
+        #: What the live params are set to over there [SI].
+        self._set = [param.value for param in task.live.values()]
 
     @property
     def arm(self) -> LibraryPlant:
@@ -161,6 +175,7 @@ class LibraryPlant:
         library.reactions[: len(machine.reactions)] = machine.reactions
         if not self._started:
             self._started = True
+            self._pass_on(machine.live.table.begins)
             library.answer(0.0, first=True)
 
     def step(self, command: Vector) -> None:
@@ -169,6 +184,7 @@ class LibraryPlant:
         Raises:
             LinkError: it has ended the task, which the file's own machine has not.
         """
+        self._pass_on(self._machine.live.table.targets)
         self._library.answer(self._ticks * self._period)
         if self._library.state and not self._machine.ended:
             error = LinkError(
@@ -180,6 +196,13 @@ class LibraryPlant:
         self._plant.step(command)
         self.diverged = self._plant.arm.diverged
         self._ticks += 1
+
+    def _pass_on(self, targets: Iterable[float]) -> None:
+        """Sets the live params that are to go elsewhere than they do [SI]."""
+        for i, (wanted, present) in enumerate(zip(targets, self._set, strict=True)):
+            if wanted != present:
+                self._library.set(i, wanted)
+                self._set[i] = wanted
 
     def release(self) -> Plant:
         """The plant without its controller."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,10 @@ class RobotPlant:
         self._due, self._stamp, self._ticks = 0, -math.inf, 0
         self._pending: Sample | None = None
         self._owed, self._lost_now = 0, 0
+        declared = program.context.loaded.task.live.items()
+        #: What live params begin with, and what they were last set to at the robot [SI].
+        self._declared = {name: param.value for name, param in declared}
+        self._params = dict[str, float]()
         self._held = self._last = False
         self._delay, self._late_now = math.inf, 0.0
 
@@ -187,6 +192,15 @@ class RobotPlant:
         if machine.reactions.size:
             machine.reactions[:] = sample.reactions
         self._last = sample.last
+        self._follow(sample.params)
+
+    def _follow(self, params: Mapping[str, float]) -> None:
+        """Sets the live params that have been set at the robot since its last sample [SI]."""
+        live = self._machine.live
+        for name, value in params.items():
+            if name in self._declared and value != self._params.get(name, self._declared[name]):
+                live.set(name, value)
+                self._params[name] = value
 
     def step(self, command: Vector) -> None:
         """Answers the sample; one that never came is not answered.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import Protocol
 
@@ -21,6 +21,8 @@ Vector = NDArray[np.float64]
 #: What a robot's wrench is: of the contact in world axes, or a reading in the tool's axes from
 #: which weight and zero are still to be taken.
 CONTACT, READING = "contact", "reading"
+#: The extra of a state that has what live params are set to at the plant.
+TARGET = "param_target"
 #: Two rates are the same within this share.
 _SAME_RATE = 1e-6
 
@@ -146,6 +148,7 @@ class Sample:
         stamp: the robot's own time [s].
         reactions: (equations,) what the robot applies along each constraint's gradient [N, N m].
         last: whether the robot has ended, and takes no answer to it.
+        params: what live params of the task are set to over there, by name [SI].
     """
 
     q: Vector
@@ -154,6 +157,7 @@ class Sample:
     stamp: float
     reactions: Vector = field(default_factory=lambda: np.zeros(0))
     last: bool = False
+    params: Mapping[str, float] = field(default_factory=dict)
 
 
 class CommandedRobot(Protocol):

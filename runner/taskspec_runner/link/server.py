@@ -32,7 +32,7 @@ from taskspec_runner.errors import InputError, LinkError
 from taskspec_runner.link import packets
 from taskspec_runner.link.address import Endpoint
 from taskspec_runner.link.packets import Packet, PacketError, QuantityError, StateBody
-from taskspec_runner.link.robot import RobotFacts, RobotLimits
+from taskspec_runner.link.robot import TARGET, RobotFacts, RobotLimits
 from taskspec_runner.link.waiting import received
 from taskspec_runner.loop.assembly import Assembly, assemble
 from taskspec_runner.loop.sensing import Sensing
@@ -356,7 +356,11 @@ class ServedPlant:
         terms, outputs = self._machine.terms, slices_of(parts)
         model = {"gravity": terms.gravity, "jacobian": terms.arrays[3]}
         views = [model[name] for name in _MODEL] + [outputs[name] for name in _OUTPUTS]
-        self.extras = tuple(zip((*_MODEL, *_OUTPUTS), views, strict=True))
+        named = [*zip((*_MODEL, *_OUTPUTS), views, strict=True)]
+        if live := self._machine.live:
+            table = live.table
+            named += [("param", np.asarray(table.values)), (TARGET, np.asarray(table.targets))]
+        self.extras = tuple(named)
 
     @property
     def arm(self) -> ServedPlant:
@@ -591,6 +595,8 @@ def welcome(program: Program, options: ServerOptions) -> dict[str, Any]:
     limits, hinges = RobotLimits.of(robot), robot.hinges
     n, outputs = len(facts.joints), dict(fields(len(facts.reactions)))
     extras = [("gravity", n), ("jacobian", 6 * n), *((name, outputs[name]) for name in _OUTPUTS)]
+    live = context.loaded.task.live
+    extras += [(name, len(live)) for name in ("param", TARGET) if live]
     return {
         "protocol": packets.VERSION,
         "server": f"taskspec {__version__}",
@@ -616,6 +622,7 @@ def welcome(program: Program, options: ServerOptions) -> dict[str, Any]:
         "wrench": facts.wrench,
         "equations": list(facts.reactions),
         "stages": [stage.name for stage in program.stages],
+        **({"params": list(live)} if live else {}),
         "extras": [[name, length] for name, length in extras],
         "stop_after": options.stop_after if options.free_running else None,
         "answer_within": options.answer if facts.lock_step else facts.period,

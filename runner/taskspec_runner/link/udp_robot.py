@@ -21,6 +21,7 @@ from taskspec_runner.link.packets import Packet, PacketError
 from taskspec_runner.link.robot import (
     CONTACT,
     READING,
+    TARGET,
     RobotFacts,
     RobotLimits,
     Sample,
@@ -80,6 +81,7 @@ class UdpRobot:
             self.welcome = self._introduced(patience, say)
             self.facts, self.limits = _facts(self.welcome, self.where)
             self._at_rest = np.zeros(len(self.facts.joints))
+            self._named, self._targets = _params(self.welcome, self.where)
         except BaseException:
             self._socket.close()
             raise
@@ -184,7 +186,17 @@ class UdpRobot:
             self._at_rest = state.q
         self._number, self._answer = packet.number, b""
         last = bool(state.flags & packets.LAST)
-        return Sample(state.q, state.v, state.wrench, packet.stamp, state.reactions, last)
+        return Sample(
+            *(state.q, state.v, state.wrench, packet.stamp, state.reactions, last),
+            self._params(state.extras),
+        )
+
+    def _params(self, extras: Vector) -> Mapping[str, float]:
+        """What live params are set to over there; none of a robot that does not say it."""
+        if not self._named:
+            return {}
+        values = extras[self._targets : self._targets + len(self._named)].tolist()
+        return {name: x for name, x in zip(self._named, values, strict=False) if math.isfinite(x)}
 
     def write(self, command: Vector) -> None:
         """Answers the last sample with what the joints are commanded (n,), as `facts` have it.
@@ -275,6 +287,26 @@ def _facts(said: Mapping[str, Any], where: str) -> tuple[RobotFacts, RobotLimits
             f"requires: {escaped(repr(error))[:200]}; see docs/protocol.md"
         ) from error
     return facts, RobotLimits(*parts)
+
+
+def _params(said: Mapping[str, Any], where: str) -> tuple[tuple[str, ...], int]:
+    """The live params that a plant says the targets of, and where these are among its extras.
+
+    Raises:
+        InputError: it says it wrongly.
+    """
+    try:
+        names, place = tuple(str(name) for name in said.get("params", ())), 0
+        for name, length in said.get("extras", ()) if names else ():
+            if name == TARGET and length == len(names):
+                return names, place
+            place += int(length)
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"the welcome of {where} has extras or params that are none: "
+            f"{escaped(repr(error))[:200]}; see docs/protocol.md"
+        ) from error
+    return (), 0
 
 
 def _numbers(values: Sequence[float | None]) -> tuple[float, ...]:

@@ -67,8 +67,8 @@ def read_move(text: str, task: Task) -> LiveMove:
     param = task.live[name]
     found = LiveMove(
         name,
-        _number(text, value, param.dimension, task),
-        _number(text, clock, TIME, task),
+        read_value(f"--live {text!r}", value, param.dimension, task),
+        read_value(f"--live {text!r}", clock, TIME, task),
         param.dimension,
     )
     if not param.low <= found.value <= param.high:
@@ -91,17 +91,27 @@ def _why_not(name: str, task: Task) -> str:
     return f"its value is fixed; write {name}: {{value: .., live: a..b}} in 'params'"
 
 
-def _number(line: str, text: str, dimension: Dimension, task: Task) -> float:
-    """The value of a part of a line [SI]."""
+def read_value(place: str, text: str, dimension: Dimension, task: Task) -> float:
+    """The value of a part of a line or of a request [SI].
+
+    Args:
+        place: where it stands, for the message.
+        text: an expression of numbers and params.
+        dimension: that it has to have.
+        task: that has the params.
+
+    Raises:
+        InputError: it is none.
+    """
     try:
         node = parse(text, "sum")
     except ExpressionError as error:
-        raise InputError(f"--live {line!r}: {error}") from None
+        raise InputError(f"{place}: {error}") from None
     checked = check(node, Scope(ScopeKind.CONSTANT, task.params), dimension)
     if checked.problems:
         first = checked.problems[0]
         hint = f"; {first.hint}" if first.hint else ""
-        raise InputError(f"--live {line!r}: {first.message}{hint}")
+        raise InputError(f"{place}: {first.message}{hint}")
 
     def lookup(name: Name) -> float:
         named = str(name)
@@ -109,7 +119,7 @@ def _number(line: str, text: str, dimension: Dimension, task: Task) -> float:
 
     value = evaluate(checked.tree, FloatAlgebra(), lookup)
     if not math.isfinite(value):
-        raise InputError(f"--live {line!r}: {text!r} is not {describe(dimension)}")
+        raise InputError(f"{place}: {text!r} is not {describe(dimension)}")
     return value
 
 

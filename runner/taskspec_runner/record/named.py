@@ -34,6 +34,7 @@ def _signal_of(meaning: Meaning) -> str:
         return f"gain.{meaning.name}.{meaning.subject}"
     if meaning.kind == "link":
         return f"link.{meaning.name}"
+    # An energy has its whole name.
     return f"{meaning.name}.{meaning.axis}" if meaning.axis else meaning.name
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -50,6 +51,30 @@ def whole(path: Path) -> Iterator[Path]:
         os.close(descriptor)
         with contextlib.suppress(OSError):
             partial.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Gives the path of a new, empty folder; when it has been written, it becomes `path`.
+
+    If anything fails, it is removed with all that is in it.
+
+    Raises:
+        OutputError: it cannot be written, or `path` is there and is no empty folder.
+    """
+    partial = path.absolute().with_name(f"{PARTIAL}{secrets.token_hex(6)}")
+    try:
+        partial.parent.mkdir(parents=True, exist_ok=True)
+        partial.mkdir()
+        try:
+            yield partial
+            # The system refuses where there is anything in it.
+            partial.rename(path)
+            sync_folder(partial.parent)
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+    except OSError as error:
+        raise OutputError.of(path, error) from error
 
 
 def write_whole(path: Path, content: bytes | str) -> Path:

@@ -31,12 +31,15 @@ from taskspec_runner.report.rest_levels import rest_levels
 from taskspec_runner.report.selection import selected
 from taskspec_runner.report.settling import settlings
 from taskspec_runner.runs import Run
+from taskspec_runner.verdict.energy import MOST
 from taskspec_runner.verdict.metrics import set_points
 
 LINEAR, ANGULAR = TRANSLATIONS, ROTATIONS
 #: Colour roles of the axes; a rotation has the colour of its axis.
 _ROLES: dict[str, str] = {axis: axis.letter for axis in AXES}
 _GAP = ".gap"
+#: A share of the most at which a line is not seen beside the others.
+_SEEN = 1e-3
 #: Deviations below are rounding [m].
 _ROUNDING = 1e-9
 
@@ -44,6 +47,7 @@ _ROUNDING = 1e-9
 def sections(run: Run) -> tuple[Section, ...]:
     """The charts of a run, most important first."""
     contact, motion, arm = Section("Contact"), Section("Motion"), Section("Arm")
+    energy = Section("Energy")
     for axis in (*LINEAR, *ANGULAR):
         contact.add(_controlled(run, wrench_name(axis), axis))
     for number, name in enumerate(set_points(run.columns)):
@@ -71,7 +75,9 @@ def sections(run: Run) -> tuple[Section, ...]:
     arm.add(_joint_torques(run))
     arm.add(_joint_positions(run))
     arm.add(_power(run))
-    drawn = (contact, motion, arm)
+    for chart in _energies(run):
+        energy.add(chart)
+    drawn = (contact, motion, arm, energy)
     shown = with_bounds(run, (*drawn, _judged(run, drawn)))
     return tuple(s for s in shown if s.charts or s.silent)
 
@@ -292,6 +298,52 @@ def _power(run: Run) -> Chart | None:
     energy = 0.0 if power is None else float(np.nansum(power) * run.period)
     note = f"into the environment; {' '.join(quantity(energy, 'J'))} in all"
     return of_signals(run, "power", "Power", [Drawn("power", "j3", continuous=True)], note)
+
+
+#: The energies of a law, and the terms that change what it stores, with their colours.
+_STORED = {"energy.lyapunov": "ink", "energy.kinetic": "x", "energy.spring": "y",
+           "energy.contact": "z"}  # fmt: skip
+_TERMS = {"contact": "j0", "reference": "j1", "force": "j2", "integral": "j3", "gains": "j4",
+          "torques": "j5", "sampling": "j6", "rest": "muted", "dissipated": "ink"}  # fmt: skip
+
+
+_TOGETHER = "together"
+
+
+def _energies(run: Run) -> Iterator[Chart]:
+    """What laws store, and what has changed that since each stage began."""
+    found = run.energies if not run.manifest.get("recorded") and len(run) <= MOST else None
+    if found is None or not found.visits:
+        return
+    stored = {name: found.column(name) for name in ("energy.stored", *_STORED)}
+    lines = [(n, v, _STORED.get(n, "muted")) for n, v in stored.items() if np.isfinite(v).any()]
+    said = ", ".join(dict.fromkeys(each.storage for each in found.visits))
+    yield _of_energy(run, "energy", "Energy of the laws", lines, said)
+    works = {name: found.work(name) for name in _TERMS}
+    works["dissipated"] = -works["dissipated"]
+    most = size([stored["energy.stored"], *works.values()])
+    lines = [(n, v, _TERMS[n]) for n, v in works.items() if size([v]) > _SEEN * most]
+    lines.append((_TOGETHER, reduce(np.add, works.values()), "ink"))
+    note = "work since each stage began; dissipated is taken out, and together they are stored"
+    yield _of_energy(run, "work", "What changes the stored energy", lines, note)
+
+
+def _of_energy(
+    run: Run, key: str, title: str, lines: Sequence[tuple[str, Vector, str]], note: str
+) -> Chart:
+    factor, unit = scale("J", size([values for _, values, _ in lines]))
+    traces = tuple(
+        Trace(
+            name.removeprefix("energy."),
+            values * factor,
+            role,
+            "reference" if name == _TOGETHER else "line",
+            name,
+        )
+        for name, values, role in lines
+    )
+    bounds = bands(run, [name for name, *_ in lines], factor)
+    return Chart(key, title, unit, traces, note, bounds, always=(0.0,), factor=factor)
 
 
 def _tracked(run: Run, names: Sequence[str]) -> list[Drawn]:

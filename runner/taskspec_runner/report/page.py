@@ -324,8 +324,8 @@ def _about_responses(run: Run) -> Markup:
     return note(
         "Rest is the mean of the last tenth of a visit. A force has settled when it stays within "
         "the expectation on it, else within 2 % of its set point or of the step to it; time counts "
-        "from the beginning of the visit. The time constant is of the decay once the set point "
-        "stays, measured on the hull of the error."
+        "from the beginning of the visit, or from where the set point was last set. The time "
+        "constant is of the decay once the set point stays, measured on the hull of the error."
         if mapping(run.summary.get("responses")) or mapping(run.summary.get("contact"))
         else ""
     )

@@ -22,6 +22,8 @@ from taskspec.program.program import Program
 from taskspec.robot import RobotModel
 from taskspec.robot.rigid_body import rigid_body
 from taskspec.spec import Robot
+from taskspec.spec.params import LiveParam
+from taskspec.text.units import in_si
 from taskspec_runner.controller_c.commanded import CommandedQuantity
 from taskspec_runner.controller_c.source import Controller, controller_of, filled
 from taskspec_runner.controller_c.states import BEARS, STATES
@@ -162,6 +164,7 @@ def _parts(
             if reactions
             else ""
         ),
+        "PARAM_ROWS": "".join(_param_row(name, p) for name, p in task.live.items()),
         "WRENCH_ROWS": ("" if weighs else _WEIGHT_ROW) + (_WORLD_ROW if zero is None else ""),
         "WRENCH_MEANING": _filled(
             "wrench_of_contact.md" if zero is None else "wrench_read.md", weight
@@ -171,6 +174,16 @@ def _parts(
         "PRELUDE": kernel_c.INCLUDES + expressions_c.PRELUDE,
         "MODEL": expressions_c.expression_c(_model(robot), "model"),
     }
+
+
+def _param_row(name: str, param: LiveParam) -> str:
+    """The row of the README about a param that may be set."""
+    low, high = (in_si(x, param.dimension) for x in (param.low, param.high))
+    goes = f"goes there at {in_si(param.rate, param.dimension)} per second" if param.rate else ""
+    return (
+        f"| `param.{name}` | `{param.value!r}` | of the task, {low} to {high}: may be set while it "
+        f"runs, and {goes or 'jumps there'} |\n"
+    )
 
 
 def _commanded(program: Program) -> dict[str, str]:

@@ -52,12 +52,12 @@ def run_work(work: Work) -> list[Row]:
     program = program_of(work.bundle)
     context = program.context
     return [
-        run_world(program, index, work.worlds.world(context, index), _loop())
+        run_world(program, index, work.worlds.world(context, index), fastest_loop())
         for index in work.indices
     ]
 
 
-def _loop() -> str:
+def fastest_loop() -> str:
     """Machine code from the first tick on, where there is some: it serves all worlds."""
     from taskspec.native.engine import missing
 

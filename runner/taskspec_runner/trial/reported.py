@@ -12,7 +12,7 @@ from taskspec.program import events
 from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
 from taskspec.program.stages.protected import PROTECTION, about_force
-from taskspec.rules.finding import Finding, Place, warning
+from taskspec.rules.finding import Finding, Place, info, warning
 from taskspec.rules.places import motion_of
 from taskspec.spec import FILE, KeyPath, key_of
 from taskspec.spec.stage import OSCILLATION
@@ -25,6 +25,7 @@ from taskspec_runner.trial import causes
 from taskspec_runner.trial.causes import Cause, first_cause
 from taskspec_runner.trial.moment import Moment
 from taskspec_runner.trial.trial import OPEN, Trial
+from taskspec_runner.verdict.energy import RunEnergies, gain_text
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.run_finding import RunFinding
 
@@ -42,6 +43,7 @@ register(
         "TS444": "a force beyond the robot's protection",
         "TS445": "a torque that changes faster than the robot's protection lets it",
         "TS508": "a stage that oscillates",
+        "TS510": "a stage that gains energy in the trial, by gains that vary",
         "TS611": "a guard that does not hold in time",
         "TS613": "a guard that holds as its stage begins",
         "TS614": "a guard that holds with nothing touched",
@@ -114,6 +116,7 @@ def reported(trials: Sequence[Trial]) -> Iterator[Finding]:
         for finding in last.faults:
             if finding.stage not in passed:
                 yield _of_run(last, finding)
+        yield from _gained(last)
         expectations = last.program.context.loaded.task.expect
         for expectation, judged in zip(expectations, last.judged, strict=True):
             if judged.missed:
@@ -377,6 +380,21 @@ def _of_run(trial: Trial, finding: RunFinding) -> Finding:
     if cause is None:
         return warning("TS508", text, place, "lower the gains of its loop, or approach more slowly")
     return warning("TS508", f"{text}: {cause.text}", cause.place or place, cause.hint)
+
+
+def _gained(trial: Trial) -> Iterator[Finding]:
+    """Stages that gain energy by gains that vary: of others no energy is worked out."""
+    varying = {s.name: s.plan for s in trial.program.stages if s.plan.law.varying}
+    if not varying:
+        return
+    clock = trial.history.columns["clock"]
+    for each in RunEnergies(trial.program, trial.history, trial.world.task).visits:
+        data = each.as_data(clock)
+        if each.visit.stage in varying and data.get("gained", {}).get("by") == "gains":
+            place = _varying(varying.pop(each.visit.stage))
+            text = f"in the trial, {gain_text(data)}"
+            hint = "let them rise more slowly, or with more damping"
+            yield info("TS510", text, place, hint, unless=("TS509", "TS510"))
 
 
 def _missed(trial: Trial, judged: Judged, place: Place | None) -> Finding:

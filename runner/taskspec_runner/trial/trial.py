@@ -61,7 +61,7 @@ class Trial:
     @cached_property
     def judged(self) -> tuple[Judged, ...]:
         """The expectations of the task, judged on all ticks."""
-        return judge_run(self.program, self.history)
+        return judge_run(self.program, self.history, self.world.task)
 
     @cached_property
     def findings(self) -> tuple[RunFinding, ...]:

@@ -21,9 +21,11 @@ from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.frames import FrameModel, normal_at
 from taskspec.robot.tool import make_tool
 from taskspec.spec import FILE, key_of
+from taskspec.spec.params import FollowingParam
 from taskspec.text.units import si_unit
 from taskspec_runner.urscript import losses, refusals
-from taskspec_runner.urscript.losses import located
+from taskspec_runner.urscript.expressions import translated
+from taskspec_runner.urscript.losses import REGISTERS, located
 from taskspec_runner.urscript.refusals import UNIVERSAL_ROBOTS, NotMappedError
 from taskspec_runner.urscript.script import (
     NamedValues,
@@ -74,6 +76,8 @@ class _Writer:
         self._task = plan.context.loaded.task
         self._constants = NamedValues()
         self._params: dict[str, str] = {}
+        #: Float input registers of live params.
+        self._registers = dict(zip(self._task.live, REGISTERS, strict=False))
         self._frames: dict[str, str] = {}
         self._surfaces: dict[str, str] = {}
 
@@ -148,13 +152,32 @@ class _Writer:
         add("FRAME_AS_IT_IS", "2", "type of force_mode: its frame is not transformed")
         self._constants.group = "Params of the task"
         for param, quantity in self._task.params.items():
+            about = si_unit(quantity.dimension)
+            if param in self._registers:
+                register = self._registers[param]
+                place = f"float input register {register} while boolean {register + 40} is true"
+                about = ", ".join(filter(None, (about, f"set at {place}")))
             named = identifier(param).upper()
             taken = any(each.name == named for each in self._constants.all)
             self._params[param] = add(
                 f"PARAM_{named}" if taken else named,
                 number(quantity.value),
-                si_unit(quantity.dimension),
+                about,
             )
+
+    def _follows(self) -> list[str]:
+        """Lines of each control period that have params follow their registers."""
+        lines, params = list[str](), self._task.params
+        for name, param in self._task.live.items():
+            if name in self._registers:
+                own = self._params[name]
+                numbers = ", ".join(map(number, (param.low, param.high, param.rate)))
+                lines.append(f"{own} = followed({own}, {self._registers[name]}, {numbers})")
+        for name, quantity in params.items():
+            if isinstance(quantity, FollowingParam):
+                known = lambda part: self._params.get(str(part)) or "PI"  # noqa: E731
+                lines.append(f"{self._params[name]} = {translated(quantity.tree, known)}")
+        return lines
 
     def _slow(self) -> float:
         most = self._task.limits.speed
@@ -215,7 +238,8 @@ class _Writer:
         reader = Reader(stage, self._params, self._frames)
         prefix = identifier(stage.name).upper()
         writer = StageWriter(
-            stage, following, frame, reader, numbers, prefix, self._counted, self._constants
+            *(stage, following, frame, reader, numbers, prefix, self._counted, self._constants),
+            follows=self._follows(),
         )
         title = f"{stage.name} ({self._context.loaded.source.name}:{self._line(stage)})"
         return writer.section(title, self._quoted(stage), f"stage_{stage.name}")

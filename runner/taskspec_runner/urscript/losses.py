@@ -11,12 +11,14 @@ from taskspec.modes import FollowsAxes, Move, OnPath, Position
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.spec import FILE, KeyPath, Law, LoadedTask, Sensor
 from taskspec.spec.servo import PLURALS
-from taskspec.text.units import FREQUENCY, show
+from taskspec.text.units import FREQUENCY, fitting, show
 from taskspec_runner.urscript.refusals import UNIVERSAL_ROBOTS
 from taskspec_runner.urscript.script import Loss
 
 #: Control period of the robot [s], and the share of it that rounding may take.
 STEP, _ROUNDING = 0.002, 1e-9
+#: Float input registers that RTDE clients write, one for each live param.
+REGISTERS = range(24, 48)
 #: What of a sensor is the plant's, and the controller's own on a robot.
 _OF_SENSOR = ("rate", "delay", "filter")
 
@@ -54,6 +56,13 @@ def _of_task(plan: TaskPlan) -> Iterator[tuple[KeyPath, str]]:
     if not robot.takes_torques:
         text = f"the joint {PLURALS[robot.command]} and their servo: the robot's own follow servoj"
         yield FILE.robot.command, f"{text} and force_mode"
+    for name, param in list(task.live.items())[len(REGISTERS) :]:
+        unit = next(iter(fitting(param.dimension)), "")
+        yield (
+            FILE.params[name],
+            f"the param {name} stays at {show(param.value, unit)}: the {len(REGISTERS)} float "
+            "registers that RTDE clients write are those of other params",
+        )
     own = [key for key in _OF_SENSOR if getattr(robot.sensor, key) != getattr(Sensor(), key)]
     if own:
         keys = " and ".join(own)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression
@@ -69,6 +69,7 @@ class StageWriter:
         prefix: str,
         counted: Counted,
         outer: NamedValues,
+        follows: Sequence[str] = (),
     ) -> None:
         """Of a stage.
 
@@ -81,8 +82,9 @@ class StageWriter:
             prefix: of the stage's names.
             counted: what the program counts.
             outer: named values of the program.
+            follows: lines of each control period in which params follow what they are set to.
         """
-        self._counted = counted
+        self._counted, self._follows = counted, follows
         self._stage, self._following, self._frame = stage, following, frame
         self._reader, self._numbers, self._prefix = reader, numbers, prefix
         self._constants = NamedValues(outer)
@@ -132,6 +134,7 @@ class StageWriter:
                 out.add("local applied_before = applied_in(frame)")
             out.add("local t = 0.0", *motion.before, *reader.before)
             with out.block("while True:"):
+                out.add(*self._follows)
                 for name, value in reader.now.items():
                     out.add(f"local {name} = {value}")
                 if any("path_done" in line for line in (*ending.lines, *reader.update)):
@@ -292,6 +295,7 @@ class StageWriter:
             out.add(f"local to_joints = {names[0]}")
             out.add(*self._reader.before)
             with out.block("while True:"):
+                out.add(*self._follows)
                 for name, value in self._reader.now.items():
                     out.add(f"local {name} = {value}")
                 out.add("local way = longest_travel(from_joints, to_joints)")

@@ -24,6 +24,7 @@ from taskspec.text.units import in_unit
 from taskspec_runner.record.file_array import counted, full
 from taskspec_runner.record.history import History, Mask, Vector
 from taskspec_runner.record.named import column_of, scope_of
+from taskspec_runner.verdict.energy import RunEnergies
 from taskspec_runner.verdict.explanation import Explainer
 from taskspec_runner.verdict.lookup import Lookup
 from taskspec_runner.verdict.replay import Replay
@@ -70,7 +71,8 @@ class Courses:
         replay = Replay(
             context.robot, context.frames, program.stages, history, context.moving_bases
         )
-        self._lookup = Lookup(self._task, history, replay.signal)
+        beside = RunEnergies(program, history).beside()
+        self._lookup = Lookup(self._task, beside, replay.signal)
 
     def of(self, text: str) -> tuple[MeasuredCourse, ...]:
         """Those of an expectation by its text, one a condition; none of conditions on counts."""

@@ -10,6 +10,7 @@ from taskspec_runner.record.history import History
 from taskspec_runner.record.named import column_of, scope_of
 from taskspec_runner.verdict.condition_margins import ConditionMargins
 from taskspec_runner.verdict.diagnosed import line_of
+from taskspec_runner.verdict.energy import RunEnergies
 from taskspec_runner.verdict.explanation import Explainer, Explanation, Sides
 from taskspec_runner.verdict.judged import Broken, Judged, Margin, MeasuredValue
 from taskspec_runner.verdict.lookup import Elsewhere, Lookup
@@ -28,11 +29,18 @@ def judge(task: Task, history: History, elsewhere: Elsewhere) -> tuple[Judged, .
     return tuple(_judge(expectation, task, history, lookup) for expectation in task.expect)
 
 
-def judge_run(program: Program, history: History) -> tuple[Judged, ...]:
-    """Judges every expectation of a program's task on the ticks of its run."""
+def judge_run(program: Program, history: History, true: Task | None = None) -> tuple[Judged, ...]:
+    """Judges every expectation of a program's task on the ticks of its run.
+
+    Args:
+        program: that ran.
+        history: what it recorded.
+        true: the task with the world as it was; None for what its `truth` says.
+    """
     context = program.context
     replay = Replay(context.robot, context.frames, program.stages, history, context.moving_bases)
-    return judge(context.loaded.task, history, replay.signal)
+    beside = RunEnergies(program, history, true).beside()
+    return judge(context.loaded.task, beside, replay.signal)
 
 
 def _judge(expectation: Expectation, task: Task, history: History, lookup: Lookup) -> Judged:

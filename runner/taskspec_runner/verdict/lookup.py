@@ -86,7 +86,8 @@ class Lookup:
         """This lookup for one expression, in which a norm leaves out what has no value.
 
         `norm(force)` of a planar arm has two components, `norm(error)` those of the axes that
-        follow a motion. Where none has a value, neither has the norm.
+        follow a motion. Where none has a value, neither has the norm. What a last value is compared
+        with counts as it was at that tick.
         """
         groups = {
             id(arg): node.args
@@ -96,8 +97,13 @@ class Lookup:
             if all(isinstance(a, tree.Name) for a in node.args)
         }
 
+        ends = self._ends(root)
+
         def find(name: tree.Name) -> Series:
             series = self(name)
+            if id(name) in ends and series.window is not None:
+                rows = np.flatnonzero(ends[id(name)])
+                return Series.one(series.values[rows[-1]] if rows.size else np.nan)
             group = groups.get(id(name), ())
             if not (group and series.gaps and series.inside().size) or self._lacks(name):
                 return series
@@ -107,6 +113,23 @@ class Lookup:
             return replace(series, values=np.where(left_out, 0.0, series.values))
 
         return find
+
+    def _ends(self, root: tree.Node) -> dict[int, NDArray[np.bool_]]:
+        """The ticks (n,) of the last values that params are compared with, by the params' node."""
+        found: dict[int, NDArray[np.bool_]] = {}
+        for condition in tree.walk(root):
+            if not isinstance(condition, tree.Compare | tree.WithinNode):
+                continue
+            reduced = [n for n in tree.walk(condition) if isinstance(n, tree.Reduce)]
+            inside = {id(n) for each in reduced for n in tree.walk(each)}
+            of = [(node, meaning.stage) for node, meaning in self.names(condition)]
+            if {n.reducer for n in reduced} != {"last"} or any(id(n) not in inside for n, _ in of):
+                continue
+            windows = [self._history.window(stage) for _, stage in of]
+            for name in tree.walk(condition):
+                if isinstance(name, tree.Name) and id(name) not in inside and windows:
+                    found[id(name)] = reduce(np.logical_and, windows)
+        return found
 
     def names(self, root: tree.Node) -> Iterator[tuple[tree.Name, Meaning]]:
         """The measured names of an expression; params and constants left out."""

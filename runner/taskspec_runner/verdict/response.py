@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,8 @@ _MOST_FITTED_TICKS = 1 << 17
 Responses = dict[str, dict[str, dict[str, float | str | None]]]
 #: Lowest and highest value that an expectation allows, by stage and signal.
 Allowed = Mapping[tuple[str, str], tuple[float | None, float | None]]
+#: Columns of the params that a set point follows from, by stage and signal.
+Uses = Mapping[tuple[str, str], Collection[str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +50,7 @@ class Response:
         set_point: value that the reference ends at [SI].
         step: to it, from the first tick [SI].
         overshoot: how far beyond it the signal went [SI], None without a step to it.
-        settling_time: since the visit began, until the signal stays within `tolerance`; None if it
+        settling_time: since the first tick, until the signal stays within `tolerance`; None if it
             never does [s].
         tolerance: largest distance from the set point that counts as settled, below and above [SI].
         time_constant: of the decay of the error once the set point stays; None where the error
@@ -72,7 +74,7 @@ def response(
     allowed: tuple[float | None, float | None] = (None, None),
     moves: Vector | None = None,
 ) -> Response | None:
-    """The response of one visit; None where the reference does not stay at a set point.
+    """The response of a visit or of its last part; None where the reference does not stay.
 
     Args:
         values: (n,) truth [SI].
@@ -158,8 +160,12 @@ def responses(
     signals: Mapping[str, Mapping[str, float | None]],
     period: float,
     allowed: Allowed,
+    uses: Uses | None = None,
 ) -> Responses:
     """The responses of every visited stage; of several visits, the one that settled last.
+
+    Where a set point was set meanwhile, the response is that to the last one, from where it began
+    to go there.
 
     Args:
         history: the run.
@@ -167,11 +173,14 @@ def responses(
             reference says it [SI].
         period: between two ticks [s].
         allowed: what expectations allow.
+        uses: columns of params that may be set, of the set points that follow from them.
     """
     found: Responses = {}
     for visit in history.visits():
         for name, target in signals.get(visit.stage, {}).items():
-            made = _of_visit(history, visit, name, target, period, allowed)
+            columns = (uses or {}).get((visit.stage, name), ())
+            began = _set_last(history, visit, columns)
+            made = _of_rows(history, visit.stage, began, name, target, period, allowed)
             if made is None:
                 continue
             own = found.setdefault(visit.stage, {})
@@ -180,9 +189,24 @@ def responses(
     return found
 
 
-def _of_visit(
+def _set_last(history: History, visit: Stay, columns: Collection[str]) -> slice:
+    """The rows of a visit since its params were last set; a param goes one way until it is."""
+    first = visit.rows.start
+    for column in columns:
+        values = history.columns.get(column)
+        if values is None:
+            continue
+        ways = np.sign(np.diff(values[visit.rows]))
+        begins = np.flatnonzero((ways != 0) & (ways != np.concatenate([[0.0], ways[:-1]])))
+        if len(begins):
+            first = max(first, visit.rows.start + int(begins[-1]))
+    return slice(first, visit.rows.stop)
+
+
+def _of_rows(
     history: History,
-    visit: Stay,
+    stage: str,
+    rows: slice,
     name: str,
     target: float | None,
     period: float,
@@ -193,10 +217,10 @@ def _of_visit(
         reference = full(len(values), target)
     if values is None or reference is None:
         return None
-    band = allowed.get((visit.stage, name), (None, None))
+    band = allowed.get((stage, name), (None, None))
     motion = history.columns.get(f"position.{name.rpartition('.')[2]}.ref")
-    moves = None if target is None or motion is None else motion[visit.rows]
-    made = response(values[visit.rows], reference[visit.rows], period, band, moves)
+    moves = None if target is None or motion is None else motion[rows]
+    made = response(values[rows], reference[rows], period, band, moves)
     if made is None:
         return None
     two_percent = SETTLED * max(abs(made.step), abs(made.set_point))

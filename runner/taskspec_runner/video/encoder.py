@@ -6,6 +6,7 @@ import contextlib
 import shutil
 import subprocess
 import threading
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -19,6 +20,8 @@ from taskspec_runner.video.canvas import Image
 
 #: Good to look at, and small.
 _QUALITY = ["-crf", "21", "-preset", "medium", "-movflags", "+faststart"]
+#: Options by which any frame is found without reading many others.
+SEEKABLE = ("-g", "2", "-bf", "0")
 
 
 def ffmpeg() -> str:
@@ -43,13 +46,16 @@ def ffmpeg() -> str:
 class Encoder:
     """Writes frames as H.264 into a file that is there already."""
 
-    def __init__(self, path: Path, width: int, height: int, fps: float) -> None:
+    def __init__(
+        self, path: Path, width: int, height: int, fps: float, options: Sequence[str] = ()
+    ) -> None:
         """Starts ffmpeg.
 
         Args:
             path: of the file; its suffix says the container.
             width, height: of every frame [px].
             fps: frames a second.
+            options: of the encoder, beside those that there always are.
 
         Raises:
             OSError: ffmpeg cannot be started.
@@ -57,7 +63,7 @@ class Encoder:
         """
         rate = str(Fraction(fps).limit_denominator())
         source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", rate]
-        coder = ["-an", "-vcodec", "libx264", "-pix_fmt", "yuv420p", *_QUALITY]
+        coder = ["-an", "-vcodec", "libx264", "-pix_fmt", "yuv420p", *_QUALITY, *options]
         command = [ffmpeg(), "-y", "-v", "warning", *source, "-i", "-"]
         pipe = subprocess.PIPE
         # In a group of its own, so that Ctrl-C reaches the one who waits for it.

@@ -64,12 +64,24 @@ def move(c: LiveTable, clock: float) -> None:
 def request(c: LiveTable, i: int, value: float, clock: float) -> float:
     """Sets param `i` from the tick after the one at run time `clock` [s] on.
 
-    The value that it goes to: the nearest one within its bounds.
+    The value that it goes to: the nearest one within its bounds. One that it goes to already
+    changes nothing, so whoever sets it before every tick sets it once.
     """
     targets, begins, began = c.targets, c.begins, c.began
     wanted = min(max(value, c.low[i]), c.high[i])
-    begins[i] = c.values[i]
-    began[i] = clock
+    if wanted != targets[i]:
+        begins[i] = c.values[i]
+        began[i] = clock
+        targets[i] = wanted
+    return wanted
+
+
+def declare(c: LiveTable, i: int, value: float) -> float:
+    """Has a run that has not begun begin with another value of param `i`; else as `request`."""
+    values, targets, begins = c.values, c.targets, c.begins
+    wanted = min(max(value, c.low[i]), c.high[i])
+    values[i] = wanted
+    begins[i] = wanted
     targets[i] = wanted
     return wanted
 
@@ -149,20 +161,21 @@ class LiveParams:
             KeyError: there is none of that name that may be set.
             ValueError: the value is not a number.
         """
-        i = self._place(name)
-        if math.isnan(value):
-            raise ValueError(f"'{name}' cannot be set to what is not a number")
-        return request(self.table, i, float(value), float(self._now[1]))
+        return request(self.table, *self._number(name, value), float(self._now[1]))
 
     def start(self, name: str, value: float) -> float:
         """Has a run that has not begun begin with another value; else as `set`."""
-        wanted, i = self.set(name, value), self._place(name)
-        self.table.begins[i] = self.table.values[i] = wanted
-        return wanted
+        return declare(self.table, *self._number(name, value))
 
     def move(self, clock: float) -> None:
         """Has them be what they are at run time `clock` [s]."""
         move(self.table, clock)
+
+    def _number(self, name: str, value: float) -> tuple[int, float]:
+        i = self._place(name)
+        if math.isnan(value):
+            raise ValueError(f"'{name}' cannot be set to what is not a number")
+        return i, float(value)
 
     def _place(self, name: str) -> int:
         if name not in self._places:

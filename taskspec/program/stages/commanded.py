@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import casadi as ca
 
@@ -10,6 +12,7 @@ from taskspec.control import resolution
 from taskspec.control.command import Command
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.case import Case
+from taskspec.laws.energy import Energy
 from taskspec.program.events import Condition
 from taskspec.program.last_commands import last_velocity
 from taskspec.program.plan import StagePlan
@@ -124,6 +127,7 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         left=left,
         remembered=measurement.memory.add,
     )
+    measurement.table.situation.energies = partial(energies, plan, case)
     wanted, terms = law.control_law.command(case), measurement.terms
     if law.control_law.commands == "velocity":
         closed_form = wanted.joint_velocity
@@ -145,3 +149,20 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         closed_form + fading,
         conditions,
     )
+
+
+def energies(plan: StagePlan, case: Case) -> Mapping[str, ca.SX]:
+    """The energies and powers of a stage's law by name; none where it states none."""
+    found = stage_energy(plan, case)
+    return {} if found is None else found.signals()
+
+
+def stage_energy(plan: StagePlan, case: Case) -> Energy | None:
+    """What the law of a stage stores; None where it states no storage function.
+
+    Of a law in Euler angles that turns the tool there is none: a log has no rates of these angles.
+    """
+    turns = any(axis.is_rotation for axis in case.state.axes)
+    if plan.joint_path is not None or (turns and plan.law.orientation != "so3"):
+        return None
+    return plan.law.control_law.energy(case)

@@ -98,10 +98,12 @@ def gain_conditions(gains: Gains) -> Iterator[Condition]:
     """
     for name in MATRICES:
         entries = gains.get(name, {})
-        varying = {on for on, gain in entries.items() if gain.formula is not None}
+        # In the order of the entries: the same task has the same code in every process.
+        varying = [on for on, gain in entries.items() if gain.formula is not None]
         least, holds = ca.SX(ca.inf), ca.SX(0)
         groups = coupled([*pairs_of(gains, name)])
-        for on in varying - {axis for group in groups for axis in group} - {*PAIRS}:
+        beside = {axis for group in groups for axis in group} | {*PAIRS}
+        for on in (each for each in varying if each not in beside):
             value = ca.SX(entries[on].value)
             least = ca.fmin(least, value)
             holds = ca.logic_or(holds, value <= 0 if name == MASS.name else value < 0)

@@ -56,6 +56,10 @@ static const struct { int32_t state; const char *name; const char *text; } host_
 @EVENTS@
 };
 
+static const struct @NAME@_param_facts host_params[] = {
+@PARAM_FACTS@
+};
+
 struct @NAME@ {
 @MEMBERS@
     struct Evaluation nothing;
@@ -99,6 +103,22 @@ struct @NAME@ *@NAME@_init(void *memory)
 }
 
 void @NAME@_bear(struct @NAME@ *m, int32_t lost) { m->bears = lost < 0 ? 0 : lost; }
+
+const struct @NAME@_param_facts *@NAME@_params(void) { return host_params; }
+
+double @NAME@_set(struct @NAME@ *m, int32_t param, double value)
+{
+    struct LiveTable *live = m->now->live;
+    if (param < 0 || param >= @UPPER@_PARAMS) return NAN;
+    if (isnan(value)) return live->targets[param];
+    if (m->state == @UPPER@_NOT_STARTED) return declare(live, param, value);
+    return request(live, param, value, m->now->now[1]);
+}
+
+double @NAME@_get(const struct @NAME@ *m, int32_t param)
+{
+    return param < 0 || param >= @UPPER@_PARAMS ? NAN : m->now->live->values[param];
+}
 
 /* Takes what a sample measures; whether its numbers are finite. */
 static bool host_take(struct @NAME@ *m, const struct @NAME@_input *in)

@@ -24,6 +24,9 @@
  * Stages, and the events that end them:
 @STAGE_TABLE@
  *
+ * Params that may be set while the task runs:
+@PARAM_TABLE@
+ *
  * Limits that end the task, as "stopped":
 @LIMITS@
  */
@@ -40,6 +43,7 @@ extern "C" {
 #define @UPPER@_JOINTS @JOINTS@
 #define @UPPER@_REACTIONS @REACTIONS@
 #define @UPPER@_STAGES @STAGES@
+#define @UPPER@_PARAMS @PARAMS@
 /* Of control [s]. */
 #define @UPPER@_PERIOD @PERIOD@
 /* Lost samples in a row that are borne at first. */
@@ -92,6 +96,18 @@ struct @NAME@_status {
     int64_t lost; /* of them, without a sample of their own */
 };
 
+/* The params that may be set, by number. */
+@PARAM_ENUM@
+
+/* What the file says of such a param, in SI units. */
+struct @NAME@_param_facts {
+    const char *name;
+    const char *unit; /* empty of a plain number */
+    double value; /* where the task begins */
+    double low, high; /* its range */
+    double rate; /* how fast it goes to what it is set to, by the second; 0 where it jumps */
+};
+
 struct @NAME@;
 
 /* What the controller is made of, as above. */
@@ -109,6 +125,16 @@ struct @NAME@_status @NAME@_status(const struct @NAME@ *m);
 /* So many lost samples in a row are borne. Each is a period on the sample before it.
  * Two samples without one lost between them end a row. */
 void @NAME@_bear(struct @NAME@ *m, int32_t lost);
+/* The params that may be set, @UPPER@_PARAMS of them. */
+const struct @NAME@_param_facts *@NAME@_params(void);
+/* Sets a param [SI] for the next step on, at its rate where it has one. Before @NAME@_start the task
+ * begins with the value; a start that begins the task anew has those of the file.
+ * Returns what it goes to: the nearest value in its range. What is not a number changes nothing, nor
+ * does the value that it goes to already. Returns NaN where there is no such param.
+ * It is for the thread that steps: nothing in here waits or locks. */
+double @NAME@_set(struct @NAME@ *m, int32_t param, double value);
+/* The value of a param in the last step [SI]; NaN where there is no such param. */
+double @NAME@_get(const struct @NAME@ *m, int32_t param);
 
 #ifdef __cplusplus
 }

@@ -21,7 +21,10 @@ enum {
     FMU_STAGE,
     FMU_LOST,
     FMU_EVENT,
-    FMU_REASON
+    FMU_REASON,
+    FMU_SET, /* what each param is set to, then its value */
+    FMU_PARAM = FMU_SET + @UPPER@_PARAMS,
+    FMU_END = FMU_PARAM + @UPPER@_PARAMS
 };
 
 /* Statuses, as all versions number them. */
@@ -37,6 +40,7 @@ struct fmu {
     struct @NAME@ *task;
     struct @NAME@_input in;
     struct @NAME@_output out;
+    double set[@UPPER@_PARAMS + 1]; /* what params go to; the last is none */
     double time;
     int64_t lost;
     enum fmu_mode mode;
@@ -58,8 +62,10 @@ static int fmu_refuse(const struct fmu *f, const char *text)
 /* Begins the task with the sample that is there. */
 static void fmu_start(struct fmu *f)
 {
+    int32_t i;
     f->task = @NAME@_init(f->task);
     @NAME@_bear(f->task, (int32_t)f->lost);
+    for (i = 0; i < @UPPER@_PARAMS; i++) @NAME@_set(f->task, i, f->set[i]);
     f->in.stamp = f->time;
     @NAME@_start(f->task, &f->in, &f->out);
     f->started = true;
@@ -67,6 +73,8 @@ static void fmu_start(struct fmu *f)
 
 static void fmu_reset(struct fmu *f)
 {
+    int32_t i;
+    for (i = 0; i < @UPPER@_PARAMS; i++) f->set[i] = @NAME@_params()[i].value;
     memset(&f->in, 0, sizeof f->in);
     memcpy(&f->in, fmu_first, sizeof fmu_first);
     f->time = 0.0;
@@ -111,6 +119,10 @@ static bool fmu_get_number(struct fmu *f, uint32_t reference, double *value)
         memcpy(value, (const char *)&f->in + (reference - 1) * sizeof *value, sizeof *value);
     else if (reference < FMU_STATE)
         *value = f->out.@COMMAND@[reference - FMU_COMMAND];
+    else if (reference >= FMU_SET && reference < FMU_PARAM)
+        *value = f->set[reference - FMU_SET];
+    else if (reference >= FMU_PARAM && reference < FMU_END)
+        *value = @NAME@_get(f->task, (int32_t)(reference - FMU_PARAM));
     else
         return false;
     return true;
@@ -118,8 +130,14 @@ static bool fmu_get_number(struct fmu *f, uint32_t reference, double *value)
 
 static bool fmu_set_number(struct fmu *f, uint32_t reference, double value)
 {
-    if (reference == FMU_TIME || reference > FMU_INPUTS) return false;
-    memcpy((char *)&f->in + (reference - 1) * sizeof value, &value, sizeof value);
+    if (reference >= FMU_SET && reference < FMU_PARAM && !isnan(value)) {
+        int32_t param = (int32_t)(reference - FMU_SET);
+        f->set[param] = @NAME@_set(f->task, param, value);
+    } else if (reference == FMU_TIME || reference > FMU_INPUTS) {
+        return false;
+    } else {
+        memcpy((char *)&f->in + (reference - 1) * sizeof value, &value, sizeof value);
+    }
     if (f->mode < FMU_STEPPING) f->started = false;
     return true;
 }

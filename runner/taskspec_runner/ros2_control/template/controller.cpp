@@ -4,6 +4,7 @@
 // @COMMANDS@ are written to the @INTERFACE@ interfaces. Nothing is allocated and nothing waits in `update`.
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstddef>
@@ -19,6 +20,8 @@
 #include "diagnostic_msgs/msg/key_value.hpp"
 #include "hardware_interface/types/hardware_interface_type_values.hpp"
 #include "pluginlib/class_list_macros.hpp"
+#include "rcl_interfaces/msg/floating_point_range.hpp"
+#include "rcl_interfaces/msg/parameter_descriptor.hpp"
 #include "rclcpp/rclcpp.hpp"
 
 #include "@NAME@.h"
@@ -34,6 +37,7 @@ using diagnostic_msgs::msg::DiagnosticStatus;
 
 constexpr std::size_t JOINTS = @UPPER@_JOINTS;
 constexpr std::size_t REACTIONS = @UPPER@_REACTIONS;
+constexpr std::size_t PARAMS = @UPPER@_PARAMS;
 constexpr std::size_t VALUES = 2 * JOINTS + 6 + REACTIONS;
 // Whether the task takes a reading in the tool's axes, and whether it takes the tool's weight off.
 constexpr bool READS_SENSOR = @UPPER@_READS_SENSOR;
@@ -67,6 +71,7 @@ public:
       if constexpr (TORQUES) auto_declare<bool>("gravity_compensated", false);
       auto_declare<int>("lost_samples", @BEARS@);
       auto_declare<double>("start_tolerance", 0.05);
+      declare_params();
     } catch (const std::exception & error) {
       return refused(std::string("a parameter has another type: ") + error.what());
     }
@@ -162,6 +167,8 @@ public:
     }
     task_ = @NAME@_init(memory_.data());
     @NAME@_bear(task_, lost_);
+    // The task begins with what they are set to by now.
+    set_params();
     started_ = false;
     unread_ = unwritten_ = 0;
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -187,6 +194,7 @@ public:
       if (output_.state == @UPPER@_BAD_SAMPLE) return return_type::ERROR;
       started_ = true;
     }
+    set_params();
     @NAME@_step(task_, &input_, &output_);
     for (std::size_t i = 0; i < JOINTS; ++i) {
       commands_now_[i] = output_.@COMMAND@[i];
@@ -227,6 +235,44 @@ private:
   {
     RCLCPP_ERROR(get_node()->get_logger(), "%s", why.c_str());
     return CallbackReturn::ERROR;
+  }
+
+  // Declares the params that may be set while the task runs. The node refuses values beyond their
+  // range; it takes the others in its own threads, and `update` has the newest.
+  void declare_params()
+  {
+    if constexpr (PARAMS > 0) {
+      const auto node = get_node();
+      for (std::size_t i = 0; i < PARAMS; ++i) {
+        const auto & facts = @NAME@_params()[i];
+        rcl_interfaces::msg::FloatingPointRange range;
+        range.from_value = facts.low;
+        range.to_value = facts.high;
+        rcl_interfaces::msg::ParameterDescriptor about;
+        about.description = std::string("param of the task, unit: ") + facts.unit;
+        about.floating_point_range.push_back(range);
+        const auto name = std::string("param.") + facts.name;
+        wanted_[i] = node->declare_parameter(name, facts.value, about);
+      }
+      kept_ = node->add_post_set_parameters_callback(
+        [this](const std::vector<rclcpp::Parameter> & changed) {
+          for (const auto & parameter : changed) {
+            for (std::size_t i = 0; i < PARAMS; ++i) {
+              if (parameter.get_name() == std::string("param.") + @NAME@_params()[i].name) {
+                wanted_[i] = parameter.as_double();
+              }
+            }
+          }
+        });
+    }
+  }
+
+  // Has the task's params go to what they are set to; setting one again changes nothing.
+  void set_params()
+  {
+    for (std::size_t i = 0; i < PARAMS; ++i) {
+      @NAME@_set(task_, static_cast<std::int32_t>(i), wanted_[i].load(std::memory_order_relaxed));
+    }
   }
 
   // Whether interfaces are those that were named, in this order.
@@ -356,6 +402,8 @@ private:
   std::array<double, 6> weight_{};
   std::array<double, VALUES> values_{}, taken_{};
   std::array<double, JOINTS> gravity_{}, commands_now_{};
+  std::array<std::atomic<double>, PARAMS> wanted_{};
+  rclcpp_lifecycle::LifecycleNode::PostSetParametersCallbackHandle::SharedPtr kept_;
   double sign_ = 1.0, start_tolerance_ = 0.0;
   bool weighs_ = false, in_world_ = false, compensated_ = false, started_ = false;
   std::int32_t lost_ = @BEARS@, unread_ = 0, unwritten_ = 0;

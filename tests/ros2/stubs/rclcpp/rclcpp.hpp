@@ -58,6 +58,7 @@ public:
   : name_(std::move(name)), value_(std::move(value))
   {
   }
+  const std::string & get_name() const { return name_; }
   bool as_bool() const { return as<bool>(); }
   std::int64_t as_int() const { return as<std::int64_t>(); }
   double as_double() const { return as<double>(); }

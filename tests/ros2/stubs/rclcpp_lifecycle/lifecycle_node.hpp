@@ -2,11 +2,14 @@
 
 #include <chrono>
 #include <map>
+#include <functional>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "rcl_interfaces/msg/parameter_descriptor.hpp"
 #include "rclcpp/rclcpp.hpp"
 
 namespace rclcpp_lifecycle
@@ -53,6 +56,45 @@ public:
     return value;
   }
 
+  // Gives the value that was given; one beyond its range is refused, as rclcpp does.
+  template <typename T>
+  T declare_parameter(
+    const std::string & name, const T & value, const rcl_interfaces::msg::ParameterDescriptor & about)
+  {
+    ranges_[name] = about.floating_point_range;
+    declare_parameter(name, value);
+    const T found = std::get<T>(declared_.at(name));
+    if (!within(name, found)) {
+      throw std::invalid_argument("parameter '" + name + "' is out of its range");
+    }
+    return found;
+  }
+
+  struct PostSetParametersCallbackHandle
+  {
+    using SharedPtr = std::shared_ptr<PostSetParametersCallbackHandle>;
+    std::function<void(const std::vector<rclcpp::Parameter> &)> callback;
+  };
+
+  PostSetParametersCallbackHandle::SharedPtr add_post_set_parameters_callback(
+    std::function<void(const std::vector<rclcpp::Parameter> &)> callback)
+  {
+    auto made = std::make_shared<PostSetParametersCallbackHandle>();
+    made->callback = std::move(callback);
+    post_set_ = made;
+    return made;
+  }
+
+  // Whether the value is taken; in the test's hands.
+  bool set_parameter(const std::string & name, double value)
+  {
+    if (!within(name, value)) return false;
+    declared_.at(name) = value;
+    const auto kept = post_set_.lock();
+    if (kept) kept->callback({rclcpp::Parameter(name, value)});
+    return true;
+  }
+
   rclcpp::Parameter get_parameter(const std::string & name) const
   {
     return {name, declared_.at(name)};
@@ -77,7 +119,17 @@ public:
   std::vector<std::shared_ptr<rclcpp::TimerBase>> timers;
 
 private:
+  bool within(const std::string & name, double value) const
+  {
+    for (const auto & range : ranges_.at(name)) {
+      if (!(value >= range.from_value && value <= range.to_value)) return false;
+    }
+    return true;
+  }
+
   std::map<std::string, rclcpp::ParameterVariant> given_, declared_;
+  std::map<std::string, std::vector<rcl_interfaces::msg::FloatingPointRange>> ranges_;
+  std::weak_ptr<PostSetParametersCallbackHandle> post_set_;
 };
 
 namespace node_interfaces
