@@ -6,8 +6,8 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
-.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check
-.PHONY: clean bounds energies interface
+.PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check identify-worlds robosuite cell-presses
+.PHONY: clean bounds energies interface tune-worlds insertion peg-policy
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -88,6 +88,12 @@ boundaries: $(READY)  ## boundaries of force loops over servos: closed form, sam
 servo-designs: $(READY)  ## designed gains of 500 random presses over servos, from their boundary; docs/admittance-boundary.md
 	$(BIN)/python campaigns/servo_tasks.py --tasks 500 --page docs/admittance-boundary.md
 
+tune-worlds: $(READY)  ## 20 random tasks tuned, and judged in 50 fresh worlds each; docs/how-to/tune.md
+	$(BIN)/python campaigns/tuned_worlds.py --tasks 20 --fresh 50 --page docs/how-to/tune.md
+
+identify-worlds: $(READY)  ## 500 hidden worlds identified from a run each: how often intervals hold; docs/identify.md
+	$(BIN)/python campaigns/identify.py --seed 41 --worlds 500 --tasks judge --page docs/identify.md
+
 SEED ?= 1
 FILES ?= 2000
 truth: $(READY)  ## hold what validate says of files of two generators against their runs; docs/truth.md
@@ -118,6 +124,24 @@ tsid:  ## an environment with TSID, for the referee
 	$(PYTHON) -m venv .tsid
 	.tsid/bin/pip install -q --only-binary :all: tsid==1.7.1 pin==3.4.0 eiquadprog==1.2.9
 	.tsid/bin/pip install -q "cmeel-urdfdom<5" "cmeel-tinyxml2<11"
+
+robosuite:  ## an environment with robosuite, for benchmarks beside it
+	$(PYTHON) -m venv .robosuite
+	.robosuite/bin/pip install -q robosuite==1.5.2 mujoco==3.3.0 numpy==1.26.4 numba==0.68.1 mink==0.0.5
+
+cell-presses:  ## presses on a cell that others have recorded, from a package; writes docs/how-to/cell
+	$(PYTHON) -m venv .afmformats
+	.afmformats/bin/pip install -q afmformats==0.18.7
+	rm -rf .afmformats/source && mkdir .afmformats/source
+	.afmformats/bin/pip download -q --no-deps --no-binary :all: --dest .afmformats/source afmformats==0.18.7
+	tar -xzf .afmformats/source/*.tar.gz -C .afmformats/source
+	.afmformats/bin/python campaigns/cell_presses.py .afmformats/source/afmformats-0.18.7
+
+insertion: $(READY)  ## contacts in cuts against closed form, a tight peg in 1100 worlds; writes docs/insertion.md
+	$(BIN)/python campaigns/insertion.py
+
+peg-policy: $(READY)  ## a policy on a task file, the file alone, the learner without it; writes docs/how-to/learning.md
+	$(BIN)/python campaigns/peg_policy.py --page docs/how-to/learning.md
 
 interface: $(READY)  ## the same tasks by torques, velocities and positions; writes docs/interface.md
 	$(BIN)/python benchmarks/bench_interface.py

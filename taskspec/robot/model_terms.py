@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.rotation import cross
 from taskspec.robot import RobotModel
-from taskspec.robot.poses import mirrored
+from taskspec.robot.poses import columns, mirrored
 
 Vector = NDArray[np.float64]
 
@@ -118,7 +118,7 @@ class PinocchioTerms(ModelTerms):
         tip = pose * self._tip
         p[:], R[:] = tip.translation, tip.rotation.ravel(order="F")
         # Pinocchio's world Jacobian gives the velocity of the body point at the world's origin.
-        at_tip = np.array(data.J)
+        at_tip = columns(data.J)
         at_tip[:3] -= pin.skew(p) @ at_tip[3:]
         at_tip = whole.by_coordinates(at_tip)
         J[:] = at_tip.ravel(order="F")

@@ -29,6 +29,11 @@ def pose_of_rpy(xyz: Sequence[float] | Array, rpy: Sequence[float] | Array) -> p
     return pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, yaw), np.array(xyz, dtype=float))
 
 
+def columns(jacobian: Array) -> Array:
+    """(6, joints): Pinocchio's bindings give that of a single joint as a vector of six."""
+    return np.array(jacobian).reshape(6, -1)
+
+
 def mirrored(upper: Array) -> Array:
     """A symmetric matrix (n, n) of which the part below the diagonal may be anything."""
     whole = np.array(upper)

@@ -7,7 +7,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from taskspec.robot.coupling import JointCoupling
-from taskspec.robot.poses import mirrored
+from taskspec.robot.poses import columns, mirrored
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Twin:
         J: Array = pin.computeFrameJacobian(
             self.model, self.data, self.coupling.joints(q), self._tip, pin.LOCAL_WORLD_ALIGNED
         )
-        return self.coupling.by_coordinates(J)
+        return self.coupling.by_coordinates(columns(J))
 
     def resolved_jacobian(self, q: Array) -> Array:
         """(6, n) the same, turned into world axes from those of the tip.
@@ -57,8 +57,8 @@ class Twin:
         It differs from `jacobian` by rounding: what is made of either keeps its last digits.
         """
         pin.computeJointJacobians(self.model, self.data, self.coupling.joints(q))
-        local = self.placement.toActionMatrixInverse() @ pin.getJointJacobian(
-            self.model, self.data, self.joint, pin.LOCAL
+        local = self.placement.toActionMatrixInverse() @ columns(
+            pin.getJointJacobian(self.model, self.data, self.joint, pin.LOCAL)
         )
         R = self.data.oMi[self.joint].rotation @ self.placement.rotation
         return self.coupling.by_coordinates(np.vstack((R @ local[:3], R @ local[3:])))
@@ -94,4 +94,4 @@ class Twin:
         J_dot: Array = pin.getFrameJacobianTimeVariation(
             self.model, self.data, self._tip, pin.LOCAL_WORLD_ALIGNED
         )
-        return whole.by_coordinates(J_dot)
+        return whole.by_coordinates(columns(J_dot))

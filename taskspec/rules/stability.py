@@ -415,8 +415,21 @@ def _in_contact(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
         yield from _findings(analysed, modes, worst, shared, "TS505", Severity.WARNING, text)
 
 
-def _in_other_worlds(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
-    """The worst world that `truth` and `vary` allow, if the stage is unstable or rings there."""
+@dataclass(frozen=True, slots=True)
+class WorstWorlds:
+    """The worlds in which a stage is worst.
+
+    Attributes:
+        unstable: growth [1/s] and world of the fastest that grows; None where nothing does.
+        ringing: damping ratio and world of the least damped that rings; None where nothing does.
+    """
+
+    unstable: tuple[float, Corner] | None
+    ringing: tuple[float, Corner] | None
+
+
+def worst_worlds(analysed: SampledStage, shared: Shared) -> WorstWorlds:
+    """The worlds of `truth` and `vary` in which a stage that is analysed is worst."""
     held = analysed.stage.plan.contacts.held
     objects = [*analysed.pressed, *([held] if held else [])]
     unstable: tuple[float, Corner] | None = None
@@ -441,6 +454,13 @@ def _in_other_worlds(analysed: SampledStage, shared: Shared) -> Iterator[Finding
             unstable = (worst.s.real, corner)
         if swings is not None and (ringing is None or swings.damping_ratio < ringing[0]):
             ringing = (swings.damping_ratio, corner)
+    return WorstWorlds(unstable, ringing)
+
+
+def _in_other_worlds(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
+    """The worst world that `truth` and `vary` allow, if the stage is unstable or rings there."""
+    found = worst_worlds(analysed, shared)
+    unstable, ringing = found.unstable, found.ringing
     name, task = analysed.stage.name, shared.context.loaded.task
     if unstable is not None:
         corner, modes = _decisive(

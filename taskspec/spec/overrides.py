@@ -16,16 +16,16 @@ from taskspec.text.yaml import read
 
 register({"TS027": "an override of something that the task does not have"})
 
-_OVERRIDESD = ("params", "world", "frames", "templates", "stages", "expect")
+NAMED_BY_FILES = ("params", "world", "frames", "templates", "stages", "expect")
 """Sections whose keys the file invents: an override changes what is there, it adds nothing."""
 
 _BY_PATH = ("vary", "truth")
 """Sections whose keys are paths."""
 
-_WITH_ALIASES = ("world", "robot", "stages")
+WITH_ALIASES = ("world", "robot", "stages")
 """Sections in which a value may be written by several keys, of which the override's is kept."""
 
-_SHORT_FORMS = {"law": "kind", "within": "time"}
+SHORT_FORMS = {"law": "kind", "within": "time"}
 """What the short form of a key stands for, so that another part of it can be set."""
 
 
@@ -64,7 +64,7 @@ class Overrides:
             templates: whether templates, and what stages give them, are changed, or all else.
         """
         for key, value in self._values:
-            steps = _steps(root, key.value, value, self._keys)
+            steps = steps_of(root, key.value, value, self._keys)
             if _of_templates(steps) is templates:
                 _put(root, key, steps, value, self._keys, self._found)
 
@@ -77,7 +77,15 @@ def _one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _steps(root: MappingNode, path: str, value: Node, keys: tuple[str, ...]) -> list[str]:
+def steps_of(root: MappingNode, path: str, value: Node | None, keys: tuple[str, ...]) -> list[str]:
+    """The keys that lead to what an override names.
+
+    Args:
+        root: the tree of a task.
+        path: of the override, or the bare name of a param.
+        value: of the override.
+        keys: the keys that a task may have.
+    """
     steps = path.split(".")
     params = root.get("params")
     if isinstance(params, MappingNode) and steps[0] not in keys:
@@ -135,7 +143,7 @@ def _put(
     owner = root
     for depth, step in enumerate(steps):
         last = depth == len(steps) - 1
-        if depth and isinstance(node, Scalar) and steps[depth - 1] in _SHORT_FORMS:
+        if depth and isinstance(node, Scalar) and steps[depth - 1] in SHORT_FORMS:
             node = _full(owner, steps[depth - 1], node)
         if isinstance(node, Sequence):
             if not (step.isdigit() and int(step) < len(node.items)):
@@ -149,13 +157,13 @@ def _put(
         if not isinstance(node, MappingNode):
             _unknown(key, step, [], found)
             return
-        fixed = depth == 1 and steps[0] in _OVERRIDESD
+        fixed = depth == 1 and steps[0] in NAMED_BY_FILES
         if step not in node.entries and (fixed or (depth == 0 and step not in keys)):
             known = list(node.entries) if fixed else list(keys)
             _unknown(key, step, known, found)
             return
         if last:
-            if steps[0] in _WITH_ALIASES:
+            if steps[0] in WITH_ALIASES:
                 for other in SAME.get(step, ()):
                     node.entries.pop(other, None)
             old = node.entries.get(step)
@@ -170,7 +178,7 @@ def _put(
 
 def _full(owner: MappingNode, key: str, node: Scalar) -> MappingNode:
     """Writes `law: hybrid` as `law: {kind: hybrid}` so that a gain can be set."""
-    full = MappingNode(node.span, flow=True, entries={_SHORT_FORMS[key]: (node, node)})
+    full = MappingNode(node.span, flow=True, entries={SHORT_FORMS[key]: (node, node)})
     owner.entries[key] = (owner.entries[key][0], full)
     return full
 

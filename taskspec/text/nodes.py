@@ -146,3 +146,16 @@ def scalars(node: Node) -> Iterator[Scalar]:
     else:
         for _, value in node.entries.values():
             yield from scalars(value)
+
+
+def in_one_line(node: Node) -> str:
+    """A node as YAML in one line, with braces and brackets."""
+    if isinstance(node, Mapping):
+        parts = (f"{key}: {in_one_line(value)}" for key, (_, value) in node.entries.items())
+        return f"{{{', '.join(parts)}}}"
+    if isinstance(node, Sequence):
+        return f"[{', '.join(map(in_one_line, node.items))}]"
+    value = " ".join(node.value.split())
+    if node.plain and not any(c in value for c in ",[]{}"):
+        return value
+    return "'" + value.replace("'", "''") + "'"

@@ -129,6 +129,14 @@ def sweep(
 
 
 @_command
+def tune(*, file: options.TaskFile, tuning: options.TuneOptions) -> int:
+    """Find gains that succeed in every world that 'vary' allows, or the interval in the way."""
+    from taskspec_runner.cli.tune import tune_task
+
+    return tune_task(file, tuning)
+
+
+@_command
 def compare(*, file: options.TaskFile, comparing: options.CompareOptions) -> int:
     """Run a task under several laws: one table and one picture, and which law cannot and why."""
     from taskspec_runner.cli.compare import compare_laws
@@ -355,6 +363,33 @@ def judge(
     if log is None:
         return judge_folder(what, form, recorded=bool(columns or out or given.sets))
     return judge_log(what, log, columns, out, given.sets, form, quiet=quiet)
+
+
+@_command
+def identify(
+    *,
+    file: options.TaskFile,
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="LOG...",
+            help="Folders of runs of the task; or logs recorded elsewhere: CSV, Parquet or MCAP. "
+            "With --design there may be none.",
+            show_default=False,
+        ),
+    ] = None,
+    chosen: options.IdentifyOptions,
+) -> int:
+    """Identify stiffness, friction, place, payload, sensor and more from logs, with intervals."""
+    if chosen.design is not None:
+        from taskspec_runner.cli.identify_design import design_task
+
+        return design_task(file, logs or [], chosen)
+    if not logs:
+        raise typer.BadParameter("name a log; or --design a task that makes one")
+    from taskspec_runner.cli.identify import identify_task
+
+    return identify_task(file, logs, chosen)
 
 
 @_command

@@ -285,6 +285,140 @@ class SweepOptions:
 
 
 @dataclass(frozen=True)
+class TuneOptions(OverrideOptions):
+    """Which gains are moved, in which worlds, and how long they are looked for."""
+
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            metavar="PATH=INTERVAL",
+            help="Let a value vary, such as 'world.table.stiffness=8..90 N/mm'; may be repeated.",
+        ),
+    ] = field(default_factory=list)
+    only: Annotated[
+        list[str],
+        typer.Option(
+            metavar="GAIN,...",
+            help="Move these gains alone, such as force.integral,bandwidth; may be repeated.",
+            show_default="all gains of the laws",
+        ),
+    ] = field(default_factory=list)
+    worlds: Annotated[
+        int,
+        typer.Option(min=0, help="The number of random worlds of the search, beside the corners."),
+    ] = 8
+    verify: Annotated[
+        int, typer.Option(min=0, help="The number of fresh worlds that the result is verified in.")
+    ] = 50
+    budget: Annotated[
+        int, typer.Option(min=1, help="The number of settings after which the search ends.")
+    ] = 100
+    patch: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH",
+            help="Write the task file with the gains found in it; comments and layout stay.",
+        ),
+    ] = None
+    seed: Seed = 0
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            "--jobs",
+            "-j",
+            min=1,
+            help="The number of settings at once.",
+            show_default="the processors",
+        ),
+    ] = None
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only the verdict.")] = False
+    form: Outcome = RunFormat.TEXT
+
+    @property
+    def gains(self) -> tuple[str, ...]:
+        """The gains that are named."""
+        return tuple(name.strip() for text in self.only for name in text.split(",") if name.strip())
+
+    @property
+    def changes(self) -> list[str]:
+        """All overrides, those that let a value vary among them."""
+        return [*self.sets, *(f"vary.{text}" for text in self.vary)]
+
+
+@dataclass(frozen=True)
+class IdentifyOptions(OverrideOptions):
+    """What is identified, and from what."""
+
+    what: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH,...",
+            help="Identify these values alone, such as world.table.stiffness,robot.payload; may "
+            "be repeated.",
+            show_default="all that the logs show",
+        ),
+    ] = None
+    level: Annotated[
+        float,
+        typer.Option(min=50.0, max=99.9, metavar="PERCENT", help="The level of the intervals."),
+    ] = 90.0
+    columns: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MAP",
+            help="The map of a recorded log's columns to signals and units: a file (YAML), or the "
+            "name of a ready map.",
+        ),
+    ] = None
+    held_out: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="LOG",
+            help="A log that nothing is identified from, of which it is predicted what it reads; "
+            "may be repeated.",
+        ),
+    ] = None
+    form: Annotated[RunFormat, typer.Option("--format", help="The format of the result.")] = (
+        RunFormat.TEXT
+    )
+
+    patch: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OUT.YAML",
+            help="Write the task file with the identified values, and their intervals in 'vary'.",
+        ),
+    ] = None
+    write: Annotated[bool, typer.Option("--write", help="The same, into the task file itself.")] = (
+        False
+    )
+    design: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH",
+            help="Write a task to this file that would tell what the logs do not: presses, slides "
+            "and turns within the file's limits.",
+        ),
+    ] = None
+    width: Annotated[
+        float,
+        typer.Option(
+            min=0.01,
+            max=100.0,
+            metavar="PERCENT",
+            help="With --design: half of an interval at most, of the value.",
+        ),
+    ] = 5.0
+
+    @property
+    def paths(self) -> list[str] | None:
+        """The paths that are wanted; None for all."""
+        if self.what is None:
+            return None
+        return [path.strip() for text in self.what for path in text.split(",") if path.strip()]
+
+
+@dataclass(frozen=True)
 class CompareOptions:
     """Which laws are compared, and what that leaves."""
 

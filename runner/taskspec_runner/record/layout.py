@@ -19,7 +19,7 @@ from taskspec.robot import RobotModel
 from taskspec.signals import GAIN, JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
 from taskspec.signals.table import MEASURED, REFERENCE
 from taskspec.spec import Task
-from taskspec.text.units import si_unit
+from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
 from taskspec_runner.record.bus import TRUE, Bus
 from taskspec_runner.record.history import TO_REST, column_field, log_schema
 from taskspec_runner.record.named import param_column
@@ -31,6 +31,8 @@ Vector = NDArray[np.float64]
 REWARD = "reward"
 #: Signals without axes that are the arm's alone, and of which the controller may be wrong.
 _OF_MOTION = ("tilt", "speed", "travel")
+#: What a joint's columns are of one that slides; of one that turns, what these are about an axis.
+_SLIDING = {"position": LENGTH, "velocity": VELOCITY, "torque": FORCE}
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,7 +254,7 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
         yield Column("residual", "", "residual")
     yield from _of_gains(task, axes)
     yield from _of_params(task)
-    yield from _of_joints(robot.n, task)
+    yield from _of_joints(robot, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
             if not signal.output:
@@ -294,7 +296,7 @@ def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:
             yield Column(f"{Index.GAIN}.{name}.{on}", unit, "gain", i)
 
 
-def _of_joints(joints: int, task: Task) -> Iterator[Column]:
+def _of_joints(robot: RobotModel, task: Task) -> Iterator[Column]:
     """The columns of all joints: where devices fail, also what is not the truth, or is it.
 
     Of an arm that takes no torques, what is commanded, and what its servo holds joints to.
@@ -305,12 +307,12 @@ def _of_joints(joints: int, task: Task) -> Iterator[Column]:
     beside += [("torque", "exerted", f"{TRUE}torque")] if task.truth.of(TORQUE) else []
     if not task.robot.takes_torques:
         beside += [(task.robot.command, "command", "command"), ("position", "servo", "servo")]
-    for i in range(joints):
-        for name, signal in JOINT.items():
-            yield Column(f"joint.{i + 1}.{name}", si_unit(signal.dimension), "")
+    for i, turns in enumerate(robot.hinges):
+        units = {name: si_unit(each.on(rotation=turns)) for name, each in _SLIDING.items()}
+        for name in JOINT:
+            yield Column(f"joint.{i + 1}.{name}", units[name], "")
         for name, suffix, field in beside:
-            unit = si_unit(JOINT[name].dimension)
-            yield Column(f"joint.{i + 1}.{name}.{suffix}", unit, field, i)
+            yield Column(f"joint.{i + 1}.{name}.{suffix}", units[name], field, i)
 
 
 def stage_names(stages: tuple[CompiledStage, ...]) -> list[str]:

@@ -83,8 +83,9 @@ def robot_rows(program: Program) -> tuple[tuple[str, str], ...]:
         if v is not None
     ]
     at = "" if tool.com is None else f" at [{', '.join(show(x, 'mm') for x in tool.com)}]"
+    count = len(robot.joint_names)
     return (
-        ("robot", f"{robot.name}, {len(robot.joint_names)} joints: {robot.source}"),
+        ("robot", f"{robot.name}, {count} joint{'s' * (count != 1)}: {robot.source}"),
         ("flange", f"{robot.flange}"),
         *_joints(robot),
         ("tool", f"{tool.shape} {' x '.join(sizes)}".rstrip() + f", {show(tool.mass, 'g')}{at}"),
