@@ -21,7 +21,7 @@ from taskspec.program.program import Program
 from taskspec.program.sensor import SensorModel
 from taskspec.spec import Task
 from taskspec.spec.robot import Payload
-from taskspec_runner.identify.joints import Joints
+from taskspec_runner.identify.joints import FreeJoints
 from taskspec_runner.identify.model import LogModel, mobility
 from taskspec_runner.identify.noise import ChannelNoise
 from taskspec_runner.identify.parameters import (
@@ -58,7 +58,7 @@ OF_JOINTS = (PAYLOAD, "robot.joint_")
 
 
 @dataclass(frozen=True)
-class Block:
+class Channels:
     """Channels of one log.
 
     Attributes:
@@ -118,7 +118,7 @@ class LogProblem:
     ) -> None:
         self.program, self.logs = program, tuple(logs)
         self.metric: Task | None = None
-        self.joints: list[Joints | None] = [None] * len(self.logs)
+        self.joints: list[FreeJoints | None] = [None] * len(self.logs)
         self._mobilities: dict[Payload | None, float] = {}
         self.parameters = tuple(parameters)
         self.zeros = tuple(
@@ -224,7 +224,7 @@ class LogProblem:
         *,
         by: Mask | None = None,
         of: Sequence[str] = (WRENCH, JOINT),
-    ) -> list[Block]:
+    ) -> list[Channels]:
         """What logs have beside what a world makes of them.
 
         Args:
@@ -244,7 +244,7 @@ class LogProblem:
                 found.append(self._joints(number, joints, task, values, by))
         return found
 
-    def _wrench(self, number: int, log: LogModel, task: Task, values: Vector, by: Mask) -> Block:
+    def _wrench(self, number: int, log: LogModel, task: Task, values: Vector, by: Mask) -> Channels:
         tool = self.mobility(task)
         contacts = log.contacts(task, tool)
         total = sum(contacts.values(), np.zeros((log.ticks, 6)))
@@ -274,9 +274,11 @@ class LogProblem:
         if late.hold_ticks > 1:
             at = np.arange(log.ticks) + 1 - late.delay_ticks
             present &= (at % late.hold_ticks == 0)[:, None]
-        return Block(number, WRENCH, readings, shown, slopes, present, np.arange(log.ticks))
+        return Channels(number, WRENCH, readings, shown, slopes, present, np.arange(log.ticks))
 
-    def _joints(self, number: int, log: Joints, task: Task, values: Vector, by: Mask) -> Block:
+    def _joints(
+        self, number: int, log: FreeJoints, task: Task, values: Vector, by: Mask
+    ) -> Channels:
         sliding, n = None, log.exerted.shape[1]
         if self.slides:
             known = (task if self.metric is None else self.metric).robot.joint_friction
@@ -294,7 +296,7 @@ class LogProblem:
                 slopes[row] = self._heeded(slope, int(i), log.exerted)
         predicted = log.exerted - log.left(metric, accelerated)
         there = np.ones_like(predicted, dtype=bool) if sliding is None else sliding
-        return Block(number, JOINT, log.exerted, predicted, slopes, there, log.rows)
+        return Channels(number, JOINT, log.exerted, predicted, slopes, there, log.rows)
 
     def _heeded(self, slope: Vector, number: int, of: Vector) -> Vector | float:
         """A derivative; nothing where all that a parameter may plausibly be off hardly shows."""
@@ -380,7 +382,7 @@ class Fit:
     values: Vector
     delay: int | None
     information: Vector
-    blocks: tuple[Block, ...]
+    blocks: tuple[Channels, ...]
     noises: tuple[tuple[ChannelNoise | None, ...], ...]
     freedom: int
     delays: tuple[int, ...] = ()
@@ -410,7 +412,7 @@ class Fit:
 
 
 def noises_of(
-    blocks: Sequence[Block], order: int | None = None
+    blocks: Sequence[Channels], order: int | None = None
 ) -> tuple[tuple[ChannelNoise | None, ...], ...]:
     """Of each block and channel; None of a channel without values."""
     found = []
@@ -428,7 +430,7 @@ def noises_of(
 
 
 def normal_equations(
-    blocks: Sequence[Block], noises: Sequence[Sequence[ChannelNoise | None]], scales: Vector
+    blocks: Sequence[Channels], noises: Sequence[Sequence[ChannelNoise | None]], scales: Vector
 ) -> tuple[Vector, Vector, float, int]:
     """(p, p) M and (p,) J'e in units of the scales, the sum of squares, and how many there are."""
     p = len(scales)

@@ -17,7 +17,7 @@ from taskspec.program.program import Program
 from taskspec.spec import LoadedTask, Task
 from taskspec.text.units import Dimension, si_unit
 from taskspec_runner.identify.estimate import Estimate
-from taskspec_runner.identify.fit import KNOWN, Block, Fit, LogProblem, fit
+from taskspec_runner.identify.fit import KNOWN, Fit, LogProblem, fit
 from taskspec_runner.identify.held_out import Prediction, predictions
 from taskspec_runner.identify.logs import check_log, open_log
 from taskspec_runner.identify.model import LogModel
@@ -83,7 +83,7 @@ class Group:
 
 
 @dataclass(frozen=True, slots=True)
-class Residual:
+class ChannelResidual:
     """What the identified world does not explain of one channel of a log.
 
     Attributes:
@@ -130,7 +130,7 @@ class Identification:
     covariance: Vector
     unseen: tuple[str, ...]
     confounded: tuple[Group, ...]
-    residuals: tuple[Residual, ...]
+    residuals: tuple[ChannelResidual, ...]
     held_out: tuple[Prediction, ...]
     fit: Fit
 
@@ -361,7 +361,7 @@ def _echelon(rows: Vector) -> Vector:
     return made[:at]
 
 
-def _residuals(found: Fit) -> list[Residual]:
+def _residuals(found: Fit) -> list[ChannelResidual]:
     made = []
     for block, noises in zip(found.blocks, found.noises, strict=True):
         name = found.problem.logs[block.log].name
@@ -371,7 +371,7 @@ def _residuals(found: Fit) -> list[Residual]:
             rows = block.present[:, i]
             left, own = block.left[rows, i], block.measured[rows, i]
             made.append(
-                Residual(name, channel_name(block.of, i), float(np.sqrt(np.mean(left**2))),
+                ChannelResidual(name, channel_name(block.of, i), float(np.sqrt(np.mean(left**2))),
                          noise.deviation, float(np.sqrt(np.mean(own**2))),
                          channel_unit(block.of, i))
             )  # fmt: skip
