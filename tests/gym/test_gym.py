@@ -393,6 +393,22 @@ def test_a_param_may_have_the_name_of_a_stage(tmp_path: Path) -> None:
     assert info["expect"]["held: slide.force.z within -press +- 11 N"] is True
 
 
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"num_envs": 0}, "one environment or more"),
+        ({"num_envs": 2.5}, "one environment or more"),
+        ({"num_envs": 2, "workers": "procs"}, "'threads' or 'processes', not 'procs'"),
+        ({"num_envs": 2, "threads": 0}, "one or more, not 0"),
+    ],
+)
+def test_numbers_of_environments_that_do_not_fit_are_refused(
+    press: Path, given: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        gym.make_vec(press, **given)
+
+
 def test_an_interval_of_another_dimension_is_refused(press: Path) -> None:
     with pytest.raises(SpecError) as found:
         gym.make(press, {"z": "force +- 5 mm"})
