@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
 .PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check identify-worlds robosuite cell-presses
-.PHONY: clean bounds energies interface tune-worlds
+.PHONY: clean bounds energies interface tune-worlds insertion peg-policy
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -92,7 +92,7 @@ tune-worlds: $(READY)  ## 20 random tasks tuned, and judged in 50 fresh worlds e
 	$(BIN)/python campaigns/tuned_worlds.py --tasks 20 --fresh 50 --page docs/how-to/tune.md
 
 identify-worlds: $(READY)  ## 500 hidden worlds identified from a run each: how often intervals hold; docs/identify.md
-	$(BIN)/python campaigns/identify.py --seed 97 --worlds 500 --tasks judge --page docs/identify.md
+	$(BIN)/python campaigns/identified_worlds.py --seed 97 --worlds 500 --tasks judge --page docs/identify.md
 
 SEED ?= 1
 FILES ?= 2000
@@ -136,6 +136,12 @@ cell-presses:  ## presses on a cell that others have recorded, from a package; w
 	.afmformats/bin/pip download -q --no-deps --no-binary :all: --dest .afmformats/source afmformats==0.18.7
 	tar -xzf .afmformats/source/*.tar.gz -C .afmformats/source
 	.afmformats/bin/python campaigns/cell_presses.py .afmformats/source/afmformats-0.18.7
+
+insertion: $(READY)  ## contacts in cuts against closed form, a tight peg in 1100 worlds; writes docs/insertion.md
+	$(BIN)/python campaigns/insertion.py
+
+peg-policy: $(READY)  ## a policy on a task file, the file alone, the learner without it; writes docs/how-to/learning.md
+	$(BIN)/python campaigns/peg_policy.py --page docs/how-to/learning.md
 
 interface: $(READY)  ## the same tasks by torques, velocities and positions; writes docs/interface.md
 	$(BIN)/python benchmarks/bench_interface.py

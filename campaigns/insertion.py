@@ -12,6 +12,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "insertion.md"
 sys.path.insert(0, str(ROOT / "tests"))
 
+from seatings import HEAD, cells, seatings  # noqa: E402
+
 from insertion_rig import (  # noqa: E402
     PEGS,
     SOLIDS,
@@ -73,7 +75,39 @@ def _chamfer() -> Iterable[Sequence[str]]:
             )  # fmt: skip
 
 
-TABLES = {"press": _press, "jamming": _jamming, "wedging": _wedging, "chamfer": _chamfer}
+#: Random worlds that nothing was chosen by.
+JUDGED, WORLDS = 1618, 100
+_PLACE = {"vary.world.socket.xyz": "[normal(1.5 mm), normal(1.5 mm), normal(1 mm)]"}
+_TIGHT = {
+    "`tight-peg`": {},
+    "friction 0.3": {"world.socket.friction": "0.3"},
+    "friction 1": {"world.socket.friction": "1"},
+    "a hole of 8.04 mm": {"world.socket.radius": "4.02 mm"},
+    "100 kN/m": {"world.socket.stiffness": "100 kN/m"},
+    "800 kN/m": {"world.socket.stiffness": "800 kN/m"},
+    "a place known to 1.5 mm": _PLACE,
+    "… and no shaking": _PLACE | {"shake": "0 N"},
+    "… and no second way": _PLACE | {"stages.insert.next": "end"},
+    "… and neither": _PLACE | {"shake": "0 N", "stages.insert.next": "end"},
+}
+
+
+def _tight() -> Iterable[Sequence[str]]:
+    yield "file", *HEAD
+    spiral = seatings(ROOT / "campaigns" / "fine-spiral.yaml", {}, JUDGED, WORLDS)
+    yield "upright, in a spiral", *cells(spiral)
+    for name, overrides in _TIGHT.items():
+        found = seatings(ROOT / "tasks" / "tight-peg.yaml", overrides, JUDGED, WORLDS)
+        yield name, *cells(found)
+
+
+TABLES = {
+    "press": _press,
+    "jamming": _jamming,
+    "wedging": _wedging,
+    "chamfer": _chamfer,
+    "tight": _tight,
+}
 
 
 def table(name: str) -> str:

@@ -38,6 +38,8 @@ COMPARED = "wipe-2"
 LAWS = ("hybrid", "parallel", "impedance", "pd")
 #: The task that is swept.
 SWEPT = HERE.parent / "how-to" / "sweep.yaml"
+#: The task whose slider is moved, which one, by which key, and at what run time [s].
+MOVED, SLIDER, KEY, MOVED_AT = HERE.parent / "how-to" / "watch.yaml", "live-press", "Home", 2
 #: Run time at which the page of a run that goes on is taken [s].
 WATCHED = 4
 #: Width and height [CSS px], and pixels of the picture for each of them.
@@ -60,6 +62,7 @@ def main() -> None:
         shoot(browser, compared(Path(folder) / "compare"), "compare-desktop.png", "desktop")
         shoot(browser, swept(Path(folder) / "sweep"), "sweep-desktop.png", "desktop")
         watch(browser, Path(folder) / "watch")
+        slide(browser, Path(folder) / "slide")
 
 
 def compared(out: Path) -> Path:
@@ -90,12 +93,31 @@ def watch(browser: Browser, out: Path) -> None:
         place(browser, page.server.url, "desktop")
         running = Thread(target=execute_program, args=(program, out), kwargs={"spectator": page})
         running.start()
-        while not browser.run(
-            f"parseFloat(document.getElementById('time').textContent) > {WATCHED}"
-        ):
-            time.sleep(0.05)
+        wait(browser, WATCHED)
         save(browser, "watch-desktop.png")
         running.join()
+
+
+def slide(browser: Browser, out: Path) -> None:
+    """The same of a run whose slider has been moved."""
+    program = compile_task(load_task(MOVED))
+    with WatchedRun(program, true_world(program.context)) as page:
+        place(browser, page.server.url, "desktop")
+        given = {"spectator": page, "hand": page.sliders}
+        running = Thread(target=execute_program, args=(program, out), kwargs=given)
+        running.start()
+        wait(browser, MOVED_AT)
+        browser.run(f"document.getElementById('{SLIDER}').focus()")
+        browser.key(KEY)
+        wait(browser, MOVED_AT + 1)
+        save(browser, "watch-sliders.png")
+        running.join()
+
+
+def wait(browser: Browser, clock: float) -> None:
+    """Until a run that goes on has come to a time [s]."""
+    while not browser.run(f"parseFloat(document.getElementById('time').textContent) > {clock}"):
+        time.sleep(0.05)
 
 
 def shoot(browser: Browser, page: Path, name: str, size: str) -> None:

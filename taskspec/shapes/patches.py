@@ -28,7 +28,7 @@ PLATE, HOLE, SLOT, GROOVE, BOWL, TUBE = 10, 11, 12, 13, 14, 15
 PATCH, MOST = 10, 8
 #: Doubles that `find` works with: points on a tool, patches, another solid, `overlap`'s own; where
 #: the patches begin among them.
-POINTS = 20
+POINTS = 24
 WORK = POINTS + PATCH * MOST + SOLID + overlap.WORK
 #: From this angle apart on, 1 - cos, what touches on two sides is two patches.
 APART = 0.12
@@ -339,8 +339,8 @@ def _peg_in_hole(t: Vector, R: float, chamfer: float, at: Vector, patches: Vecto
         y = min(max((1.0 - (edge_at[0] * fx + edge_at[1] * fy) / R) / APART, 0.0), 1.0)
         two = y * y * (3.0 - 2.0 * y)
         one, first = -_least(-edge, -deep, eps), _lesser(-edge, -deep, eps)
-    # On the plate the bore's edge is under the end's face, which B stands for.
-    two, first = (1.0 - top) * two, (1.0 - top) * first
+    # On the plate the bore's edge is under the end's face, which B stands for on its side.
+    first = (1.0 - top) * first
     one = max(one, 0.0)
     n = 0
     share = (two if deep > 0.0 else 0.0) + (1.0 - two) * (1.0 - first)
@@ -375,24 +375,47 @@ def _edge_in_side(
         chamfer: above the edge.
         px, py, pz: the end of the cylinder that is below.
         ax, ay, az: unit vector from there into it.
-        out: (5,) x and y of the point of the edge, and the direction of the force.
+        out: (5,) x and y of the point of the edge, and the direction of the force; then memory.
     """
-    eps, r = t[16], t[13]
     for i in range(5):
         out[i] = 0.0
+    lean = math.sqrt(ax * ax + ay * ay)
     up = (-chamfer - pz) / az
-    if not (up > 0.0 and up < 2.0 * t[15]):
+    lowest, highest = pz - t[13] * lean, pz + t[13] * lean
+    if not (lowest < -chamfer and up < 2.0 * t[15]):
         return -1.0
-    # Newton's method in the angle, from where the cylinder's axis goes through the edge's plane.
+    # From where the cylinder's axis goes through the edge's plane.
     gx, gy = px + up * ax, py + up * ay
     size = math.sqrt(gx * gx + gy * gy)
     if size > 1e-12:
         gx, gy = gx / size, gy / size
     else:
         gx, gy = 1.0, 0.0
+    depth = _edge_near(t, R, -chamfer, px, py, pz, ax, ay, az, gx, gy, out)
+    if highest > -chamfer and lean > 1e-12:
+        # A part of the end is above the edge: the side that leans over it may be deeper in.
+        other = out[5:]
+        over = _edge_near(t, R, -chamfer, px, py, pz, ax, ay, az, ax / lean, ay / lean, other)
+        if over > depth:
+            depth = over
+            for i in range(5):
+                out[i] = other[i]
+    return depth
+
+
+def _edge_near(
+    t: Vector, R: float, height: float, px: float, py: float, pz: float,
+    ax: float, ay: float, az: float, gx: float, gy: float, out: Vector,
+) -> float:  # fmt: skip
+    """Depth of that point of an edge at `height` which is nearest to a cylinder's axis.
+
+    By Newton's method in the angle, from the direction (gx, gy) on; the other arguments are those
+    of `_edge_in_side`.
+    """
+    eps, r = t[16], t[13]
     wx, wy, wz, along = 0.0, 0.0, 0.0, 0.0
     for i in range(5):
-        dx, dy, dz = R * gx - px, R * gy - py, -chamfer - pz
+        dx, dy, dz = R * gx - px, R * gy - py, height - pz
         along = dx * ax + dy * ay + dz * az
         wx, wy, wz = dx - along * ax, dy - along * ay, dz - along * az
         if i < 4:

@@ -398,8 +398,10 @@ class QuantityInterval(FieldType):
         else:
             ends = self._written(value, context)
         if ends is not None and ends[0] >= ends[1]:
-            message = "this interval ends before it begins"
-            context.error("TS711", message, span_of(value), "write the smaller first")
+            message, hint = "this interval ends before it begins", "write the smaller first"
+            if ends[0] == ends[1]:
+                message, hint = "this interval has no width", "its ends have to differ"
+            context.error("TS711", message, span_of(value), hint)
             return None
         return ends
 

@@ -122,7 +122,9 @@ UNITS: dict[str, Unit] = {
     "N": Unit(1.0, FORCE),
     "kN": Unit(1e3, FORCE),
     "Nm": Unit(1.0, MOMENT),
+    "mJ": Unit(1e-3, MOMENT),
     "J": Unit(1.0, MOMENT),
+    "mW": Unit(1e-3, POWER),
     "W": Unit(1.0, POWER),
     "mrad": Unit(1e-3, ANGLE),
     "rad": Unit(1.0, ANGLE),
@@ -216,11 +218,11 @@ MEASURES = (
         (Step("N·m", 0.05), Step("mN·m", 0.05e-3, _MILLI), Step("µN·m", 0.0, _MICRO)),
     ),
     Measure(
-        "an energy", MOMENT, "J", ("J",), (),
+        "an energy", MOMENT, "J", ("J", "mJ"), (),
         (Step("J", 0.05), Step("mJ", 0.0, _MILLI)),
     ),
     Measure(
-        "a power or a rate of torque", POWER, "W", ("W", "N*m/s"), (),
+        "a power or a rate of torque", POWER, "W", ("W", "mW", "N*m/s"), (),
         (Step("W", 0.05), Step("mW", 0.0, _MILLI)),
     ),
     Measure("a moment of inertia", INERTIA, "kg*m^2", ("kg*m^2",)),

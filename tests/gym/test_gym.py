@@ -299,7 +299,7 @@ def test_observations_are_what_the_controller_measures(press: Path) -> None:
         ({"act": ["z"]}, "what is added to the axis 'z'?"),
         ({"act": {"w": "force +- 5 N"}}, "'w' is no axis"),
         ({"act": {"z": ["force +- 5 N", "force +- 2 N"]}}, "z.force stands there twice"),
-        ({"act": []}, "nothing to act on"),
+        ({"act": []}, "act names nothing"),
         ({"observe": ["forse"]}, "did you mean 'force'?"),
         ({"observe": ["force.w"]}, "'force' has no 'w'"),
         ({"observe": ["slide.force.z"]}, "write 'force.z'"),
@@ -310,6 +310,28 @@ def test_observations_are_what_the_controller_measures(press: Path) -> None:
         ({"observe": {"force": 0}}, "one tick or more"),
         ({"observe": []}, "needs a signal"),
         ({"rate": 300}, "no whole share"),
+        ({"rate": 60}, "such as 62.5"),
+        ({"rate": 2000}, "such as 1000"),
+        ({"rate": "50"}, "rate is a number"),
+        ({"max_time": 1e-4}, "no step"),
+        ({"max_time": "3"}, "max_time is a number"),
+        ({"act": "press"}, "a list or a mapping"),
+        ({"act": 5}, "a list or a mapping"),
+        ({"act": [5]}, "5 is no name"),
+        ({"act": {1: "force +- 5 N"}}, "1 is no name"),
+        ({"act": {"z": 5}}, "5 is no residual of 'z'"),
+        ({"act": {"z": None}}, "None is no residual of 'z'"),
+        ({"act": {"z": []}}, "nothing is added to 'z'"),
+        ({"act": {"press": "+- 5 N"}}, "'press' is a live param"),
+        ({"act": {}}, "leave it out for all live params: press"),
+        ({"observe": 5}, "a list or a mapping"),
+        ({"observe": [5]}, "5 is no name of a signal"),
+        ({"observe": ["press"]}, "'press' is a live param: write 'param.press'"),
+        ({"observe": ["q"]}, "unknown signal 'q'; signals: "),
+        ({"size": (0, 0)}, "width and height"),
+        ({"size": "640x480"}, "width and height"),
+        ({"loop": "pyton"}, "not 'pyton'"),
+        ({"reward": 3}, "reward is a function"),
         ({"render_mode": "human"}, "rgb_array"),
         ({"set": {"vary": "{}"}, "worlds": True}, "nothing varies"),
     ],
@@ -320,6 +342,71 @@ def test_arguments_that_do_not_fit_are_refused(
     with pytest.raises(InputError) as found:
         gym.make(press, **given)
     assert message in str(found.value)
+
+
+@pytest.mark.parametrize("action", ["a", None, {}, [1j], 0.0, [0.0, 0.0]])
+def test_actions_that_are_no_numbers_are_refused(press: Path, action: Any) -> None:
+    env = gym.make(press)
+    env.reset(seed=0)
+    with pytest.raises(InputError, match="an action has 1 numbers: press"):
+        env.step(action)
+
+
+@pytest.mark.parametrize("world", [-1, "3", 2.7])
+def test_a_world_is_a_whole_number(press: Path, world: Any) -> None:
+    env = gym.make(press, worlds=True)
+    with pytest.raises(InputError, match="a whole number from 0 on"):
+        env.reset(seed=0, options={"world": world})
+
+
+def test_a_reward_that_is_no_number_is_refused(press: Path) -> None:
+    def forgotten(*_given: Any) -> Any:
+        return None
+
+    env = gym.make(press, reward=forgotten)
+    env.reset(seed=0)
+    with pytest.raises(InputError, match="the function returned None"):
+        env.step(np.zeros(1))
+
+
+def test_without_a_time_the_task_ends_an_episode(press: Path) -> None:
+    assert gym.make(press, max_time=float("inf")).setup.most == float("inf")
+
+
+def test_slow_steps_have_a_frame_rate_that_films_can_have(press: Path) -> None:
+    assert gym.make(press, rate=0.1).metadata["render_fps"] == 1
+
+
+def test_a_param_may_have_the_name_of_a_stage(tmp_path: Path) -> None:
+    """An expectation of every tick compares with the param, which is no signal of the stage."""
+    path = tmp_path / "press.yaml"
+    every = "  held: slide.force.z within -press +- 11 N\nvary:"
+    text = PRESS.replace(
+        "  slide:\n", "  press: {axes: {z: {force: -press}}, time: 50 ms}\n  slide:\n"
+    )
+    path.write_text(text.replace("vary:", every), encoding="utf-8")
+    env = gym.make(path)
+    env.reset(seed=0)
+    over = False
+    while not over:
+        _, _, over, _, info = env.step(np.zeros(1))
+    assert info["expect"]["held: slide.force.z within -press +- 11 N"] is True
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"num_envs": 0}, "one environment or more"),
+        ({"num_envs": 2.5}, "one environment or more"),
+        ({"num_envs": 2, "workers": "procs"}, "'threads' or 'processes', not 'procs'"),
+        ({"num_envs": 2, "threads": 0}, "one or more, not 0"),
+    ],
+)
+def test_numbers_of_environments_that_do_not_fit_are_refused(
+    press: Path, given: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        gym.make_vec(press, **given)
 
 
 def test_an_interval_of_another_dimension_is_refused(press: Path) -> None:

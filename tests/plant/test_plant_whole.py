@@ -207,6 +207,27 @@ def test_a_peg_rests_on_the_plate_beside_its_hole():
     assert abs(float(rig.data.qpos[1])) < 1e-4
 
 
+@pytest.mark.parametrize("height", [0.0015, 0.0005, 1e-6, -1e-6, -0.0005])
+def test_a_leaning_peg_meets_the_edge_that_it_leans_over(height):
+    """Also while the middle of its end is above the plate, without a jump where that goes below.
+
+    With the tip at x, at a height h, the edge at R is r - (R - x) cos(t) - h sin(t) deep in the
+    side; a lateral force F makes that F/(k cos(t)).
+    """
+    tilt, force, stiffness = math.radians(15.0), 5.0, 200e3
+    rig = Rig(
+        patches.HOLE, (R, 0.025, 0.0), PEGS["cylinder"], joints="x", stiffness=stiffness,
+        tilt=tilt, height=height, dampers={"x": 2000.0},
+    )  # fmt: skip
+    rig.data.qfrc_applied[0] = force
+    rig.step(4000)
+    c, s = math.cos(tilt), math.sin(tilt)
+    deep = PEG - height * s - force / (stiffness * c)
+    assert rig.data.ncon == 1
+    assert rig.data.qpos[0] == pytest.approx(R - deep / c, abs=2e-7)
+    assert rig.data.contact[0].frame[:3] == pytest.approx([-c, 0.0, s], abs=1e-6)
+
+
 def _random(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     kind, sizes = [
         (patches.PLATE, ()),

@@ -363,6 +363,9 @@ def test_the_page_of_a_run_moves(browser: Browser, tmp_path: Path) -> None:
         assert times == sorted(times)
         assert len({line for _, line, *_ in seen if line}) > 2
         assert any("So far 3 of 4" in text or "So far 4 of 4" in text for *_, text in seen)
+        # Nobody has pointed at a time: the arm is where it is now, and says its force.
+        labels = "[...document.querySelectorAll('.arm .scene-label')].map((e) => e.textContent)"
+        assert any(text.endswith(" N") for text in browser.run(labels))
         for size in (DESKTOP, PHONE):
             browser.size(*size, phone=size == PHONE)
             assert browser.run("document.documentElement.scrollWidth") <= size[0]

@@ -19,6 +19,7 @@ from taskspec.program.program import Program
 from taskspec.program.reference.slowed_path import LAG
 from taskspec.spec import load_text
 from taskspec_runner import run
+from taskspec_runner.cli import app
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.fixed_step import INTERPRETED, NATIVE, PYTHON, Steps
@@ -287,6 +288,19 @@ def test_an_expectation_is_judged_by_the_value_of_each_tick(tmp_path: Path) -> N
     high = run(task, tmp_path / "high", report=False)
     assert [each.passed for each in low.expectations] == [False]
     assert [each.passed for each in high.expectations] == [True]
+
+
+def test_a_move_after_the_end_is_reported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "task.yaml"
+    path.write_text(TASK, encoding="utf-8")
+    lines = ["--live", "press = 8 N @ 100 s", "--live", "press = 9 N @ 1 s"]
+    with pytest.raises(SystemExit):
+        app(["run", str(path), "--out", str(tmp_path / "out"), *lines])
+    said = capsys.readouterr().err
+    assert "--live 'press = 8.0 N @ 100.0 s' was not made: the run was over before" in said
+    assert "press = 9" not in said
 
 
 def test_a_last_value_is_compared_with_what_was_set_then(tmp_path: Path) -> None:

@@ -73,6 +73,12 @@ def test_a_live_param_has_value_interval_and_rate(param, value, low, high, rate,
     assert numbers == pytest.approx((value, low, high, rate), rel=1e-15)
 
 
+def test_an_interval_that_is_a_point_is_not_said_to_end_before_it_begins():
+    with pytest.raises(SpecError) as raised:
+        load_text(text("p: {value: 12 N, live: 12 N..12 N}"), "t")
+    assert [d.message for d in raised.value.diagnostics] == ["this interval has no width"]
+
+
 def test_a_param_that_uses_a_live_one_follows_it():
     task = load_text(text(), "t").task
     half = task.params["half"]

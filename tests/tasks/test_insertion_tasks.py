@@ -59,3 +59,25 @@ def test_a_peg_that_may_not_turn_gets_stuck_is_lifted_and_tried_again(tmp_path):
     assert visited.count("lift") == 3
     forces = np.array([run.column(f"force.{axis}") for axis in "xyz"])
     assert np.linalg.norm(forces, axis=0).max() < 20.0
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_a_tight_peg_is_seated_in_time(number, tmp_path):
+    """0.114 mm of clearance, 1 mm of noise, friction 0.75: at the true bottom, but for 8 N/k."""
+    run = run_world("tight-peg", number, tmp_path / "run")
+    assert run.exit_code == 0
+    told = {each["path"]: each["true"] for each in run.summary["world"]["differs"]}
+    end = 0.3 + np.asarray(run.column("position.z"))[-1]
+    assert end == pytest.approx(told["world.socket.xyz.z"] - 0.025, abs=1e-4)
+    assert run.visits[-1].end < 10.0
+
+
+def test_a_tight_peg_that_misses_in_one_way_is_seated_in_the_other(tmp_path):
+    """2.8 mm across the first way, of which the rim catches no more than some 2.3 mm."""
+    aside = {"truth.world.socket.xyz": "[600 mm, 2.8 mm, 300 mm]"}
+    loaded = load_task(TASKS / "tight-peg.yaml", aside)
+    run = execute(loaded, tmp_path / "run", report=False)
+    assert run.exit_code == 0
+    visited = [visit.stage for visit in run.visits]
+    assert visited.count("insert") == 2
+    assert "reach_again" in visited

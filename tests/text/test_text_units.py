@@ -31,6 +31,8 @@ from taskspec.text.units import (
         ("12 1/s", 12.0, units.FREQUENCY),
         ("5 Hz", 5.0, units.FREQUENCY),
         ("60 rpm", 2 * math.pi, units.ANGULAR_VELOCITY),
+        ("300 mJ", 0.3, units.MOMENT),
+        ("900 mW", 0.9, units.POWER),
         ("0.5 turn", math.pi, units.ANGLE),
         ("180 deg", math.pi, units.ANGLE),
         ("93 %", 0.93, units.NUMBER),

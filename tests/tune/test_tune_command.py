@@ -58,6 +58,17 @@ def test_a_patched_file_has_the_gains_that_were_found(file: Path, tmp_path: Path
     assert shown.startswith("FOUND")
 
 
+def test_a_loop_that_rang_before_is_named(tmp_path: Path) -> None:
+    """All its worlds succeed, so nothing else says why its gains are moved."""
+    path = tmp_path / "press.yaml"
+    rings = "law: {kind: hybrid, force: {integral: 12 /s, damping: 60 N*s/m}} "
+    path.write_text(PRESS.replace("law: hybrid ", rings), encoding="utf-8")
+    code, text, _ = invoked("tune", str(path), *BRIEF)
+    assert code == 0
+    assert "\nbefore: " not in text
+    assert "margin before: stage 'press' at world.table.stiffness = 75 kN/m: axis 'z'" in text
+
+
 def test_intervals_of_the_command_line_vary_as_those_of_the_file(file: Path) -> None:
     """A table that is known is none that gains have to be found for."""
     known = [

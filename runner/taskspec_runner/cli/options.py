@@ -311,7 +311,10 @@ class TuneOptions(OverrideOptions):
         int, typer.Option(min=0, help="The number of fresh worlds that the result is verified in.")
     ] = 50
     budget: Annotated[
-        int, typer.Option(min=1, help="The number of settings after which the search ends.")
+        int,
+        typer.Option(
+            min=1, help="The number of settings after which no round of the search begins."
+        ),
     ] = 100
     patch: Annotated[
         Path | None,

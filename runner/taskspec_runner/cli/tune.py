@@ -151,6 +151,9 @@ def _remarks(found: Tuned) -> Iterator[str]:
     before = failures(task, found.before)
     if before:
         yield f"before: {'; '.join(before[:_MOST_FAILURES])}"
+    for text in found.before.weak:
+        if text not in found.after.weak:
+            yield f"margin before: {text}"
     after = failures(task, found.after) if not found.after.good else found.worst_fresh
     if after:
         yield f"after: {'; '.join(after[:_MOST_FAILURES])}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from numbers import Integral
 from typing import TYPE_CHECKING, Any, Literal
 
 from taskspec.missing import require
@@ -15,6 +16,8 @@ from taskspec.missing import require
 require("gymnasium", "an environment for learning")
 
 import gymnasium  # noqa: E402
+
+from taskspec_runner.errors import InputError  # noqa: E402
 
 if TYPE_CHECKING:
     import os
@@ -112,7 +115,16 @@ def make_vec(
         threads: how many of them; None for as many as there are processors.
         autoreset_mode: of Gymnasium.
         given: the other arguments of `make`.
+
+    Raises:
+        InputError: an argument does not fit, here or as `make` has it.
     """
+    if not isinstance(num_envs, Integral) or num_envs < 1:
+        raise InputError(f"num_envs: there is one environment or more, not {num_envs!r}")
+    if workers not in ("threads", "processes"):
+        raise InputError(f"workers are 'threads' or 'processes', not {workers!r}")
+    if threads is not None and threads < 1:
+        raise InputError(f"threads: there is one or more, not {threads!r}")
     if workers == "processes":
         from gymnasium.vector import AsyncVectorEnv
 

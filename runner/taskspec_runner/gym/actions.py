@@ -74,7 +74,9 @@ class Actions:
             SpecError: an interval does not fit what it is added to.
         """
         given = _given(loaded.task, act)
-        residuals = [each for name, what in given.items() for each in _residuals(name, what)]
+        residuals = [
+            each for name, what in given.items() for each in _residuals(loaded.task, name, what)
+        ]
         self.loaded = with_residuals(loaded, residuals) if residuals else loaded
         found = [_of_param(self.loaded, name) for name, what in given.items() if what is True]
         found += [_of_residual(loaded.task, self.loaded.task, each) for each in residuals]
@@ -100,7 +102,11 @@ class Actions:
         Raises:
             InputError: it is of another size, or has a number that is none.
         """
-        given = np.asarray(action, dtype=np.float64)
+        try:
+            given = np.asarray(action, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            message = f"an action has {len(self.channels)} numbers: {self.words}"
+            raise InputError(f"{message}; not {action!r}") from error
         if given.shape != self._at.shape:
             message = f"an action has {len(self.channels)} numbers: {self.words}"
             raise InputError(f"{message}; this one has the shape {given.shape}")
@@ -123,30 +129,45 @@ class Actions:
 
 
 def _given(task: Task, act: Act | None) -> dict[str, Any]:
-    if isinstance(act, str):
-        raise InputError(f"act is a list or a mapping, {_FORM}")
+    if isinstance(act, str) or not isinstance(act, Iterable | None):
+        raise InputError(f"act is a list or a mapping, {_FORM}, not {act!r}")
     if act is None:
         given: dict[str, Any] = dict.fromkeys(task.live, True)
     else:
         given = dict(act) if isinstance(act, MappingOf) else dict.fromkeys(act, True)
+    if not given and task.live:
+        raise InputError(f"act names nothing; leave it out for all live params: {_listed(task)}")
     if not given:
         message = "there is nothing to act on: the task has no live params"
         form = "params: {press: {value: 12 N, live: 5..20 N}}"
         raise InputError(f"{message} ({form}), and no residuals are given, {_FORM}")
+    for name in given:
+        if not isinstance(name, str):
+            raise InputError(f"act: {name!r} is no name of a live param or an axis, {_FORM}")
     return given
 
 
-def _residuals(name: str, what: Any) -> Iterator[Residual]:
+def _listed(task: Task) -> str:
+    return ", ".join(task.live)
+
+
+def _residuals(task: Task, name: str, what: Any) -> Iterator[Residual]:
     """The residuals of an axis; none of a live param."""
     if what is True:
         return
+    if name in task.live:
+        instead = f"act={{{name!r}: True}}"
+        raise InputError(f"act: {name!r} is a live param, whose interval is the file's: {instead}")
     axis = as_axis(name)
     if axis is None:
         hint = suggestion(name, list(map(str, Axis)), "axes")
         raise InputError(f"act: {name!r} is no axis, to which {what!r} could be added; {hint}")
     if isinstance(what, MappingOf):
         what = [f"{key} {interval}" for key, interval in what.items()]
-    for text in [what] if isinstance(what, str) else what:
+    texts = list(what) if isinstance(what, Iterable) and not isinstance(what, str) else [what]
+    if not texts:
+        raise InputError(f"act: nothing is added to {name!r}: {_FORM}")
+    for text in texts:
         matched = _RESIDUAL.match(str(text))
         if matched is None or matched.group(1) not in RESIDUAL_KEYS:
             keys = alternatives(RESIDUAL_KEYS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 Observation = NDArray[np.float32]
 _SEEDS = 2**31
+#: Along each side of a picture [px]: what graphics without a card draw.
+_MOST_PIXELS = 8192
 
 
 class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
@@ -64,6 +67,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"render_mode is 'rgb_array' or None, not {render_mode!r}")
+        _check_size(size)
         self.setup = setup or Setup(
             task,
             act,
@@ -76,7 +80,10 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             loop=loop,
             set=set,
         )
-        self.metadata = {**type(self).metadata, "render_fps": round(1 / self.setup.step_time)}
+        self.metadata = {
+            **type(self).metadata,
+            "render_fps": max(1, round(1 / self.setup.step_time)),
+        }
         self.action_space = self.setup.actions.space
         self.observation_space = self.setup.observations.space
         self.render_mode, self._size = render_mode, size
@@ -104,6 +111,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             InputError: an option is unknown.
         """
         super().reset(seed=seed)
+        if not isinstance(options, Mapping | None):
+            raise InputError(f"reset: options are a mapping, as {{'world': 3}}, not {options!r}")
         self._draw(seed, dict(options or {}))
         assert self._seed is not None
         world = self.setup.world(self._seed, self._number)
@@ -131,6 +140,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         else:
             self._number += 1
         if number is not None:
+            if not isinstance(number, Integral) or number < 0:
+                raise InputError(f"reset: a world is a whole number from 0 on, not {number!r}")
             self._number = int(number)
 
     def step(
@@ -205,6 +216,15 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         if self._pictures is not None:
             self._pictures.close()
             self._pictures = None
+
+
+def _check_size(size: tuple[int, int]) -> None:
+    whole = isinstance(size, Sequence) and all(isinstance(each, Integral) for each in size)
+    if not whole or len(size) != 2 or not all(0 < each <= _MOST_PIXELS for each in size):
+        raise InputError(
+            f"size is width and height, from 1 to {_MOST_PIXELS} px each, as (480, 360), "
+            f"not {size!r}"
+        )
 
 
 def _verdict(trial: Trial) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from gymnasium import spaces
@@ -92,6 +92,8 @@ class Observations:
         self._bounds = _Bounds(program, longest)
         if isinstance(wanted, str):
             raise InputError(f"observe is a list or a mapping: observe=[{wanted!r}]")
+        if not isinstance(wanted, Iterable | None):
+            raise InputError(f"observe is a list or a mapping: observe=['force'], not {wanted!r}")
         named = usual(program) if wanted is None else wanted
         ticks = named if isinstance(named, Mapping) else dict.fromkeys(named, 1)
         self.observed = tuple(self._all(ticks))
@@ -155,6 +157,8 @@ class Observations:
     def _all(self, named: Mapping[str, int]) -> Iterator[Observed]:
         there: set[str] = set()
         for written, ticks in named.items():
+            if not isinstance(written, str):
+                raise InputError(f"observe: {written!r} is no name of a signal, such as 'force'")
             if not isinstance(ticks, int) or ticks < 1:
                 raise InputError(f"observe: {written!r} is of one tick or more, not {ticks!r}")
             for each in self._named(written, ticks):
@@ -223,7 +227,9 @@ class Observations:
             return f"{name!r} names a stage: {own}, and {instead}"
         if len(path) == 1:
             known = [*VECTORS, *SCALARS, *CLOCKS, STAGE, "param", "joint.position"]
-            return f"unknown signal {name!r}; {suggestion(name, known)}"
+            if name in self._task.live:
+                return f"{name!r} is a live param: write '{_LIVE}.{name}'"
+            return f"unknown signal {name!r}; {suggestion(name, known, 'signals')}"
         problem = explain_name(Name(path, start=0, end=len(name)), scope)
         return problem.message + (f"; {problem.hint}" if problem.hint else "")
 

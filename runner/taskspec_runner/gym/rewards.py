@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.spec.reward import Reward
+from taskspec_runner.errors import InputError
 from taskspec_runner.verdict.judged import Judged
 
 #: A user's own: of what is observed, by its names [SI], and of what a step says beside.
@@ -84,4 +85,8 @@ class OfFunction:
 
     def __call__(self, step: StepEnd) -> float:
         """Its value."""
-        return float(self._function(step.observed(), step.info))
+        found = self._function(step.observed(), step.info)
+        try:
+            return float(found)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"reward: the function returned {found!r}, not a number") from error

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from pathlib import Path
 from threading import Lock
 
@@ -24,6 +25,7 @@ from taskspec_runner.gym.rewards import (
     Rewarding,
 )
 from taskspec_runner.gym.true_values import TrueValues
+from taskspec_runner.loop.fixed_step import loop_wanted
 from taskspec_runner.record.layout import REWARD, reward_rates
 
 #: Plants are built one after the other: they share the arm's models, which have memory.
@@ -73,12 +75,10 @@ class Setup:
                 "nothing varies in this task, so that all its worlds are alike: give it a 'vary', "
                 "or leave out worlds=True"
             )
-        if max_time is not None and not max_time > 0:
-            raise InputError(f"max_time: an episode of {max_time:g} s has no step")
-        self.worlds, self._loop = worlds, loop
+        self.worlds, self._loop = worlds, loop_wanted(loop)
         self.every = self._every(rate, context.period)
-        self.most = math.inf if max_time is None else max(1, round(max_time / context.period))
-        longest = math.inf if max_time is None else self.most * context.period
+        self.most = self._most(max_time, context.period)
+        longest = self.most * context.period
         self.observations = Observations(self.program, observe, longest)
         declared = self.program.context.loaded.task
         self.rewarding = self._rewarding(reward)
@@ -92,19 +92,36 @@ class Setup:
     def _rewarding(self, reward: RewardFunction | None) -> Rewarding:
         said = self.program.context.loaded.task.reward
         if reward is not None:
+            if not callable(reward):
+                form = "reward=lambda observed, info: -abs(observed['force.z'])"
+                raise InputError(f"reward is a function, such as {form}, not {reward!r}")
             return OfFunction(reward)
         return OfMargins() if said is None else OfFile(said)
 
     @staticmethod
     def _every(rate: float, period: float) -> int:
+        _check_number("rate", rate)
         every = 1 / (rate * period) if rate > 0 else math.nan
         if not (every >= 1 and math.isclose(every, round(every), rel_tol=1e-9)):
             most = 1 / period
             raise InputError(
                 f"rate: {rate:g} Hz is no whole share of the controller's {most:g} Hz: such as "
-                f"{most / 20:g}"
+                f"{_share_near(rate, most):g}"
             )
         return round(every)
+
+    @staticmethod
+    def _most(max_time: float | None, period: float) -> float:
+        """Ticks of an episode; infinite where nothing but the task ends it."""
+        if max_time is None:
+            return math.inf
+        _check_number("max_time", max_time)
+        if max_time == math.inf:
+            return math.inf
+        if not max_time >= period / 2:
+            tick = f"a tick of the controller takes {period:g} s"
+            raise InputError(f"max_time: an episode of {max_time:g} s has no step; {tick}")
+        return max(1, round(max_time / period))
 
     @property
     def step_time(self) -> float:
@@ -129,3 +146,18 @@ class Setup:
                 self._loop,
                 before,
             )
+
+
+def _check_number(name: str, value: object) -> None:
+    if not isinstance(value, Real):
+        raise InputError(f"{name} is a number, not {value!r}")
+
+
+def _share_near(rate: float, most: float) -> float:
+    """The whole share of a rate that is nearest to another one, of those with few digits [Hz]."""
+    if not 0 < rate < math.inf:
+        return most / 20
+    longest = min(max(20, math.ceil(2 * most / rate)), 10_000)
+    shares = [most / n for n in range(1, longest + 1)]
+    written = [share for share in shares if math.isclose(float(f"{share:g}"), share, rel_tol=1e-9)]
+    return min(written, key=lambda share: abs(math.log(share / rate)))

@@ -62,7 +62,8 @@ class TrueValues:
 
 def _of_objects(path: tuple[str, ...], task: Task) -> bool:
     """Whether the value of a name depends on where objects truly are."""
-    inner = path[1:] if path[0] in task.stages else path
+    # A param may have the name of a stage.
+    inner = path[1:] if len(path) > 1 and path[0] in task.stages else path
     return inner[:1] == ("gap",) or inner[0] in task.world
 
 

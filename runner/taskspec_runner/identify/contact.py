@@ -27,7 +27,7 @@ from taskspec.program.world.stiffness import IMPEDANCE, added_mass, friction_rat
 from taskspec.shapes import SHAPES, Surface
 from taskspec.shapes.overlap import LEAST_FRICTION
 from taskspec.spec import Shape, Task
-from taskspec_runner.identify.motion import Motion
+from taskspec_runner.identify.motion import LoggedMotion
 from taskspec_runner.identify.rows import cross_rows
 
 Vector = NDArray[np.float64]
@@ -62,7 +62,7 @@ class BallContact:
 
     def touching(
         self,
-        motion: Motion,
+        motion: LoggedMotion,
         center: Vector,
         radius: float,
         shape: Shape,

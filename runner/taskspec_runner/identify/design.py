@@ -24,7 +24,8 @@ from taskspec.text import nodes
 from taskspec.text.diagnostic import Severity, SpecError
 from taskspec.text.units import number
 from taskspec_runner.errors import InputError
-from taskspec_runner.identify.identification import Estimate, Identification, identify
+from taskspec_runner.identify.estimate import Estimate
+from taskspec_runner.identify.identification import Identification, identify
 from taskspec_runner.identify.parameters import Parameter, parameters_of
 from taskspec_runner.trial.check import check
 from taskspec_runner.trial.trial import Trial, trial

@@ -23,7 +23,7 @@ from taskspec.program.world.stiffness import settled_damping
 from taskspec.shapes.overlap import LEAST_FRICTION
 from taskspec.spec import Task
 from taskspec.spec.robot import Payload
-from taskspec_runner.identify.joints import Joints
+from taskspec_runner.identify.joints import FreeJoints
 from taskspec_runner.identify.model import LogModel, mobility
 from taskspec_runner.identify.noise import ChannelNoise
 from taskspec_runner.identify.parameters import (
@@ -45,7 +45,7 @@ KNOWN = 0.3
 WEAK = 3.0
 #: With so many times the deviation for what the file says, what logs decide changes by no more.
 _WEAKER, _BY_LOGS = 10.0, 1.1
-_MOST_STEPS, _FEW_STEPS, _FEWER_STEPS = 25, 12, 4
+_MOST_STEPS, _FEW_STEPS, _FEWER_STEPS = 60, 12, 4
 #: Delays for which least squares are made; of a bend, where a damping above it starts.
 _MOST_DELAYS, _ABOVE = 6, 1.3
 #: Steps that are this share of the deviations end the iterations.
@@ -71,7 +71,7 @@ OF_JOINTS = (PAYLOAD, "robot.joint_")
 
 
 @dataclass(frozen=True)
-class Block:
+class Channels:
     """Channels of one log.
 
     Attributes:
@@ -131,7 +131,7 @@ class LogProblem:
     ) -> None:
         self.program, self.logs = program, tuple(logs)
         self.metric: Task | None = None
-        self.joints: list[Joints | None] = [None] * len(self.logs)
+        self.joints: list[FreeJoints | None] = [None] * len(self.logs)
         self._mobilities: dict[Payload | None, float] = {}
         self.parameters = tuple(parameters)
         self.zeros = tuple(
@@ -240,7 +240,7 @@ class LogProblem:
         *,
         by: Mask | None = None,
         of: Sequence[str] = (WRENCH, JOINT),
-    ) -> list[Block]:
+    ) -> list[Channels]:
         """What logs have beside what a world makes of them.
 
         Args:
@@ -260,7 +260,7 @@ class LogProblem:
                 found.append(self._joints(number, joints, task, values, by))
         return found
 
-    def _wrench(self, number: int, log: LogModel, task: Task, values: Vector, by: Mask) -> Block:
+    def _wrench(self, number: int, log: LogModel, task: Task, values: Vector, by: Mask) -> Channels:
         tool = self.mobility(task)
         contacts = log.contacts(task, tool)
         total = sum(contacts.values(), np.zeros((log.ticks, 6)))
@@ -290,9 +290,11 @@ class LogProblem:
         if late.hold_ticks > 1:
             at = np.arange(log.ticks) + 1 - late.delay_ticks
             present &= (at % late.hold_ticks == 0)[:, None]
-        return Block(number, WRENCH, readings, shown, slopes, present, np.arange(log.ticks))
+        return Channels(number, WRENCH, readings, shown, slopes, present, np.arange(log.ticks))
 
-    def _joints(self, number: int, log: Joints, task: Task, values: Vector, by: Mask) -> Block:
+    def _joints(
+        self, number: int, log: FreeJoints, task: Task, values: Vector, by: Mask
+    ) -> Channels:
         sliding, n = None, log.exerted.shape[1]
         if self.slides:
             known = (task if self.metric is None else self.metric).robot.joint_friction
@@ -311,7 +313,7 @@ class LogProblem:
                 slopes[row] = self._heeded(slope, int(i), log.exerted)
         predicted = log.exerted - log.left(metric, accelerated)
         there = np.ones_like(predicted, dtype=bool) if sliding is None else sliding
-        return Block(number, JOINT, log.exerted, predicted, slopes, there, log.rows)
+        return Channels(number, JOINT, log.exerted, predicted, slopes, there, log.rows)
 
     def _heeded(self, slope: Vector, number: int, of: Vector) -> Vector | float:
         """A derivative; nothing where all that a parameter may plausibly be off hardly shows."""
@@ -405,7 +407,7 @@ class Fit:
     values: Vector
     delay: int | None
     information: Vector
-    blocks: tuple[Block, ...]
+    blocks: tuple[Channels, ...]
     noises: tuple[tuple[ChannelNoise | None, ...], ...]
     freedom: int
     beyond: Vector
@@ -436,7 +438,7 @@ class Fit:
 
 
 def noises_of(
-    blocks: Sequence[Block], order: int | None = None
+    blocks: Sequence[Channels], order: int | None = None
 ) -> tuple[tuple[ChannelNoise | None, ...], ...]:
     """Of each block and channel; None of a channel without values."""
     found = []
@@ -454,7 +456,7 @@ def noises_of(
 
 
 def normal_equations(
-    blocks: Sequence[Block], noises: Sequence[Sequence[ChannelNoise | None]], scales: Vector
+    blocks: Sequence[Channels], noises: Sequence[Sequence[ChannelNoise | None]], scales: Vector
 ) -> tuple[Vector, Vector, float, int]:
     """(p, p) M and (p,) J'e in units of the scales, the sum of squares, and how many there are."""
     p = len(scales)
@@ -700,7 +702,7 @@ class _Search:
         blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
         noises = noises_of(blocks, order)
         damping = 1e-6
-        for _ in range(_MOST_STEPS if last else most):
+        for number in range(_MOST_STEPS if last else most):
             problem.metric = problem.task(self.values, self.delay)
             M, g, total, _ = normal_equations(blocks, noises, scales)
             home = ((problem.declared - self.values) / problem.scales)[taken]
@@ -731,7 +733,9 @@ class _Search:
             if not (same and change < _NEAR_END):
                 noises = renewed
             damping = max(damping / 10, 1e-9)
-            if (change < (_SMALL if last else 0.1) and same) or gain < _LITTLE:
+            small = _SMALL if last else 0.1
+            to_and_fro = number > _FEW_STEPS and change < _NEAR_END
+            if (change < small and same) or gain < _LITTLE or to_and_fro:
                 return
 
     def _move(

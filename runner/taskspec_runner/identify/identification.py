@@ -92,7 +92,7 @@ class Group:
 
 
 @dataclass(frozen=True, slots=True)
-class Residual:
+class ChannelResidual:
     """What the identified world does not explain of one channel of a log.
 
     Attributes:
@@ -152,7 +152,7 @@ class Identification:
     covariance: Vector
     unseen: tuple[str, ...]
     confounded: tuple[Group, ...]
-    residuals: tuple[Residual, ...]
+    residuals: tuple[ChannelResidual, ...]
     held_out: tuple[Prediction, ...]
     fit: Fit
 
@@ -383,7 +383,7 @@ def _echelon(rows: Vector) -> Vector:
     return made[:at]
 
 
-def _residuals(found: Fit) -> list[Residual]:
+def _residuals(found: Fit) -> list[ChannelResidual]:
     made = []
     sensor = found.task.robot.sensor
     pole = SensorModel.of(sensor, found.problem.period).pole
@@ -403,7 +403,7 @@ def _residuals(found: Fit) -> list[Residual]:
                 if declared[unit] > 0:
                     explained = declared[unit] * ((1 - pole) / (1 + pole)) ** 0.5
             made.append(
-                Residual(name, channel_name(block.of, i), float(np.sqrt(np.mean(left**2))),
+                ChannelResidual(name, channel_name(block.of, i), float(np.sqrt(np.mean(left**2))),
                          own_noise.deviation, explained, float(np.sqrt(np.mean(own**2))), unit)
             )  # fmt: skip
     return made

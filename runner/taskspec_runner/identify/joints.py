@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from taskspec.program.context import Context
 from taskspec.robot.rebuild import GRAVITY
 from taskspec.spec import Task
-from taskspec_runner.identify.motion import Motion
+from taskspec_runner.identify.motion import LoggedMotion
 from taskspec_runner.identify.rows import cross_rows
 
 Vector = NDArray[np.float64]
@@ -39,7 +39,7 @@ _KEPT = 4
 _FRICTION_IMPEDANCE, _FRICTION_RATE = 0.9, 2.0 / (0.95 * 0.02)
 
 
-class Joints:
+class FreeJoints:
     """The joints in some ticks of a log.
 
     Attributes:
@@ -47,7 +47,7 @@ class Joints:
         exerted: (k, joints) torques of the log [N m, N].
     """
 
-    def __init__(self, context: Context, motion: Motion, rows: NDArray[np.int64]) -> None:
+    def __init__(self, context: Context, motion: LoggedMotion, rows: NDArray[np.int64]) -> None:
         assert motion.exerted is not None
         self.rows, self.exerted = rows, motion.exerted[rows]
         self._R, self._J, self._drift = motion.R[rows], motion.jacobian[rows], motion.drift[rows]

@@ -13,8 +13,8 @@ from taskspec.program.sensor import SensorModel
 from taskspec.robot.rebuild import GRAVITY
 from taskspec.spec import Sensor, Shape, Task
 from taskspec_runner.identify.contact import BallContact, Setting, Touching
-from taskspec_runner.identify.joints import Joints
-from taskspec_runner.identify.motion import Motion, Readings, motion_of
+from taskspec_runner.identify.joints import FreeJoints
+from taskspec_runner.identify.motion import LoggedMotion, Readings, motion_of
 from taskspec_runner.identify.parameters import identifiable
 from taskspec_runner.identify.rows import cross_rows, turned_rows
 from taskspec_runner.identify.sensor import readings
@@ -60,7 +60,7 @@ class LogModel:
         self.name, self.history = name, history
         self._program, self._context = program, program.context
         self._nominal = program.context.loaded.task
-        self.motion: Motion = motion_of(program, history)
+        self.motion: LoggedMotion = motion_of(program, history)
         self.measured = Readings(program, history)
         task = self._nominal
         tool = program.context.robot.tool
@@ -252,7 +252,7 @@ class LogModel:
 
     # What the joints do.
 
-    def joints(self, task: Task) -> Joints | None:
+    def joints(self, task: Task) -> FreeJoints | None:
         """The joints where the ball is clearly off every shape; None without torques of them."""
         if self.motion.exerted is None or self._context.robot.coupling.couples:
             return None
@@ -261,7 +261,7 @@ class LogModel:
             d, _ = contact.surroundings(self._center, task.shapes[name])
             off &= d > self._radius + _OFF
         rows = np.flatnonzero(off)
-        return Joints(self._context, self.motion, rows) if len(rows) > _LEAST_ROWS else None
+        return FreeJoints(self._context, self.motion, rows) if len(rows) > _LEAST_ROWS else None
 
 
 def mobility(program: Program, task: Task) -> float:

@@ -23,7 +23,7 @@ _LEAST_TICKS = 20
 
 
 @dataclass(frozen=True)
-class Motion:
+class LoggedMotion:
     """The arm in the plant step before tick k + 1 senses, for each tick k of a log but the last.
 
     World axes. The step starts at joint positions q and velocities v, and accelerates them by a:
@@ -57,7 +57,7 @@ class Motion:
     exerted: Vector | None
 
 
-def motion_of(program: Program, history: History) -> Motion:
+def motion_of(program: Program, history: History) -> LoggedMotion:
     """The motion of a log.
 
     Raises:
@@ -91,7 +91,7 @@ def motion_of(program: Program, history: History) -> Motion:
         names = [f"joint.{i + 1}.torque" for i in range(n)]
         if all(name in history.columns for name in names):
             exerted = np.column_stack([history.columns[name][:-1] for name in names])
-    return Motion(
+    return LoggedMotion(
         p=p,
         R=R.reshape(-1, 3, 3).transpose(0, 2, 1),
         twist=np.einsum("kij,kj->ki", J, rates),

@@ -26,7 +26,8 @@ from taskspec_runner.loop.assembly import Assembly
 from taskspec_runner.loop.driven import Driven
 from taskspec_runner.loop.tap import ticks_between
 from taskspec_runner.record.bus import Bus
-from taskspec_runner.record.layout import LogLayout, param_column, stage_names
+from taskspec_runner.record.layout import LogLayout, stage_names
+from taskspec_runner.record.named import param_column
 from taskspec_runner.record.recorder import Recorder
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judge import judge_run

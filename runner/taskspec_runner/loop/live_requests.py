@@ -163,7 +163,7 @@ def setting(
         live: the lines and addresses, as `--live` has them.
         task: that has the params.
         period: of control [s].
-        say: reports where requests are taken.
+        say: reports where requests are taken, and which lines came too late.
 
     Raises:
         InputError: as `read_move` and `LiveRequests`.
@@ -179,6 +179,9 @@ def setting(
             if say is not None:
                 say(f"live params are set at {requests.url}")
         yield Hands(hands) if hands else None
+        if known is not None and say is not None:
+            for line in known.left:
+                say(f"--live {line!r} was not made: the run was over before")
 
 
 def _read_address(text: str) -> tuple[int, str]:

@@ -152,6 +152,11 @@ class LiveSchedule:
         """Those that have been made, as they are read."""
         return tuple(map(str, self.moves[: self._next]))
 
+    @property
+    def left(self) -> tuple[str, ...]:
+        """Those that have not."""
+        return tuple(map(str, self.moves[self._next :]))
+
 
 def scheduled(lines: Sequence[str], task: Task, period: float) -> LiveSchedule | None:
     """The schedule of some lines; None where there are none.

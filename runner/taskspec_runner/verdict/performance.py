@@ -13,7 +13,7 @@ from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.spec.params import slots_of
 from taskspec_runner.record.history import History
-from taskspec_runner.record.layout import param_column
+from taskspec_runner.record.named import param_column
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.limit_effects import limit_effects
 from taskspec_runner.verdict.metrics import metrics, peaks, set_points

@@ -1,10 +1,10 @@
 /* One window of time for all charts, chosen with mouse, finger, keys or buttons. */
 
 let view = whole.slice(), mark = null, pins = [];
-/** What else shows the time of the cursor: each takes it [s]. */
+/** What else shows the time of the cursor: each takes it [s], or null where there is none. */
 const followers = [];
 /** The cursor of the page, as `scene.js` takes it. */
-const cursor = { whole, window: () => view, point: (time) => point(time), follow: (f) => followers.push(f) };
+const cursor = { whole, window: () => view, point: (time) => point(time), follow: (f) => followers.push((time) => time !== null && f(time)) };
 for (const figure of document.querySelectorAll("[data-chart]")) new Plot(figure);
 const clock = document.querySelector(".bar output");
 const windows = [...document.querySelectorAll("[data-start]")];
@@ -50,7 +50,7 @@ function pin(time) {
 function aim() {
   for (const p of charts) p.point(mark, pins);
   const time = pins[1] ?? mark ?? pins[0] ?? null;
-  if (time !== null) for (const follow of followers) follow(mark ?? time);
+  for (const follow of followers) follow(mark ?? time);
   if (time === null) { clock.textContent = ""; return; }
   const stage = run.stages.find((s) => time >= s.start && time < s.end);
   const near = run.events.find((e) => Math.abs(e.at - time) < 0.004 * (view[1] - view[0]));

@@ -3,8 +3,8 @@
 A world is drawn by seed: what `truth` has of it is hidden from the file that is identified. Tasks
 of `--tasks judge` are those of docs/identify.md; nothing was developed with them.
 
-    python campaigns/identify.py --seed 7 --worlds 60 --tasks develop
-    python campaigns/identify.py --seed 97 --worlds 500 --page docs/identify.md
+    python campaigns/identified_worlds.py --seed 7 --worlds 60 --tasks develop
+    python campaigns/identified_worlds.py --seed 97 --worlds 500 --page docs/identify.md
 """
 
 from __future__ import annotations
