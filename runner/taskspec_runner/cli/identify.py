@@ -102,6 +102,8 @@ def _show(found: Identification) -> None:
     for line in _untold(found):
         show(Text(line, "yellow"))
     typer.echo(_left(found))
+    for line in surprises(found):
+        show(Text(line, "yellow"))
     for each in found.held_out:
         typer.echo(_held_out(each))
     if found.estimates:
@@ -152,3 +154,20 @@ def _left(found: Identification) -> str:
         if each.size > 0
     ]
     return f"left unexplained, rms: {', '.join(parts)}"
+
+
+def surprises(found: Identification) -> Iterator[str]:
+    """A warning for each log that has more in it than the identified world and noise."""
+    for log in dict.fromkeys(each.log for each in found.residuals):
+        own = [each for each in found.residuals if each.log == log and each.surprising]
+        if not own:
+            continue
+        parts = [
+            f"{each.channel} {each.rms:.3g} {each.unit}, {each.excess:.3g} times the noise"
+            for each in sorted(own, key=lambda each: -each.excess)
+        ]
+        yield (
+            f"warning: {log} has more than the identified values and the sensor's noise explain, "
+            f"so the intervals are too narrow: {'; '.join(parts)}. Something else acts (another "
+            "surface, a cable, a tool that bends), or robot.sensor.noise is not the sensor's"
+        )

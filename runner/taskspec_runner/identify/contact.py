@@ -60,38 +60,65 @@ class BallContact:
         d, n = self.height((center - np.array(shape.xyz)) @ R)
         return d[:, 0], np.asarray(n @ R.T)
 
-    def wrench(
+    def touching(
         self,
         motion: LoggedMotion,
         center: Vector,
         radius: float,
         shape: Shape,
-        setting: Setting,
         near: NDArray[np.int64],
-    ) -> Vector:
-        """(n, 6) what the shape exerts on the tip, world axes, moments about the tip [N, N m].
+    ) -> Touching:
+        """Where and how a ball touches a shape.
 
         Args:
             motion: of the arm.
             center: (n, 3) of the ball, world [m].
             radius: of the ball [m].
-            shape: with its place and contact.
-            setting: what else the contact depends on.
+            shape: with its place.
             near: (m,) the ticks in which they may touch.
         """
-        found = np.zeros((len(center), 6))
         d, n = self.surroundings(center[near], shape)
         depth = radius - d
-        touching = depth > 0
-        rows = near[touching]
-        if not len(rows):
-            return found
-        depth, n = depth[touching], n[touching]
+        there = depth > 0
+        rows, depth, n = near[there], depth[there], n[there]
         lever = center[rows] - n * (radius - depth / 2)[:, None] - motion.p[rows]
         v, a = _at(motion.twist[rows], lever), _at(motion.push[rows], lever)
-        force = setting.force(shape, depth, n, v, a)
-        found[rows, :3] = force
-        found[rows, 3:] = cross_rows(lever, force)
+        return Touching(len(center), rows, depth, n, lever, v, a)
+
+
+@dataclass(frozen=True)
+class Touching:
+    """The ticks in which a ball touches a shape, which depend on its place alone.
+
+    Attributes:
+        ticks: of the log.
+        rows: (k,) in which they touch.
+        depth: (k,) [m].
+        n: (k, 3) normals of the shape.
+        lever: (k, 3) from the tip to the contact, world axes [m].
+        v, a: (k, 3) of the tool there, world axes [m/s, m/s^2].
+    """
+
+    ticks: int
+    rows: NDArray[np.int64]
+    depth: Vector
+    n: Vector
+    lever: Vector
+    v: Vector
+    a: Vector
+
+    def wrench(self, shape: Shape, setting: Setting) -> Vector:
+        """(ticks, 6) what the shape exerts on the tip, world axes, moments about the tip [N, N m].
+
+        Args:
+            shape: with its contact.
+            setting: what else the contact depends on.
+        """
+        found = np.zeros((self.ticks, 6))
+        if len(self.rows):
+            force = setting.force(shape, self.depth, self.n, self.v, self.a)
+            found[self.rows, :3] = force
+            found[self.rows, 3:] = cross_rows(self.lever, force)
         return found
 
 
@@ -103,16 +130,18 @@ class Setting:
         mobility: of the tool, as MuJoCo counts it [1/kg].
         period: step of the plant [s].
         ratio: how much stiffer friction is against a slip.
+        firm: whether friction creeps as little as it may, whatever the damping is.
     """
 
     mobility: float
     period: float
     ratio: float
+    firm: bool
 
     @classmethod
-    def of(cls, task: Task, mobility: float) -> Setting:
+    def of(cls, task: Task, mobility: float, *, firm: bool) -> Setting:
         """That of a task."""
-        return cls(mobility, 1.0 / task.control.plant_rate, friction_ratio(task))
+        return cls(mobility, 1.0 / task.control.plant_rate, friction_ratio(task), firm)
 
     def force(self, shape: Shape, depth: Vector, n: Vector, v: Vector, a: Vector) -> Vector:
         """(k, 3) on the tool, for depths (k,) [m], normals, velocities, accelerations (k, 3)."""
@@ -124,7 +153,8 @@ class Setting:
         if shape.friction == 0:
             return np.asarray(np.maximum(normal, 0.0)[:, None] * n)
         mu = max(shape.friction, LEAST_FRICTION)
-        rate = settling_rate(max(b, 0.0), self.mobility, self.period)
+        damping = np.inf if self.firm else max(b, 0.0)
+        rate = settling_rate(damping, self.mobility, self.period)
         across = (
             -self.ratio
             * m

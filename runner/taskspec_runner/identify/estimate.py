@@ -45,6 +45,12 @@ class Estimate:
         return si_unit(self.dimension)
 
     @property
+    def settled(self) -> float:
+        """The value for a file [SI]: 0 where that is what it has, and cannot be told from it."""
+        nothing = self.declared == 0 and self.low <= 0 <= self.high and not self.along
+        return 0.0 if nothing else self.value
+
+    @property
     def declared_inside(self) -> bool:
         """Whether the file's value is in the interval."""
         return self.low <= self.declared <= self.high

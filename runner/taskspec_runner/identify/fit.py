@@ -9,7 +9,7 @@ share of the scales, stays as the file has it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,8 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.rotation import from_rpy
 from taskspec.program.program import Program
 from taskspec.program.sensor import SensorModel
+from taskspec.program.world.stiffness import settled_damping
+from taskspec.shapes.overlap import LEAST_FRICTION
 from taskspec.spec import Task
 from taskspec.spec.robot import Payload
 from taskspec_runner.identify.joints import FreeJoints
@@ -43,9 +45,20 @@ KNOWN = 0.3
 WEAK = 3.0
 #: With so many times the deviation for what the file says, what logs decide changes by no more.
 _WEAKER, _BY_LOGS = 10.0, 1.1
-_MOST_STEPS, _FEW_STEPS = 60, 12
+_MOST_STEPS, _FEW_STEPS, _FEWER_STEPS = 60, 12, 4
+#: Delays for which least squares are made; of a bend, where a damping above it starts.
+_MOST_DELAYS, _ABOVE = 6, 1.3
 #: Steps that are this share of the deviations end the iterations.
-_SMALL = 1e-3
+_SMALL = 1e-2
+#: Noise that differs by a smaller share is the same, and stays once steps are so many deviations.
+_SAME, _NEAR_END = 1e-2, 0.5
+#: So do steps by which the sum of squares, of unit size each, becomes smaller by less.
+_LITTLE = 1e-3
+#: Touches of a log that are tried to begin at other ticks, by how much of a tick's way they then
+#: are beyond, and by how much less has to be left there.
+_MOST_TOUCHES, _OVER, _WORTHWHILE = 4, 0.05, 4.0
+#: Ticks by which all delays that are as near are tried, where far ones are not, and where they are.
+_NEAR_DELAYS = 2, 8
 #: Of a parameter's scale, by which differences are taken.
 _DIFFERENCE = 1e-6
 #: What changes readings by less than this share of the largest is a matter of their last digits.
@@ -150,7 +163,10 @@ class LogProblem:
         for i, parameter in enumerate(self.continuous):
             if parameter.path.endswith(".stiffness"):
                 found[i] = max(1e-3 * abs(parameter.declared), 1.0)
-            elif parameter.path.endswith(".friction") or parameter.path == FILTER:
+            elif parameter.path.endswith(".friction"):
+                # Less is as good as none, and changes nothing.
+                found[i] = LEAST_FRICTION
+            elif parameter.path == FILTER:
                 found[i] = 0.0
         return found
 
@@ -178,7 +194,7 @@ class LogProblem:
             by[row] = values[number]
         return placed(task, name, by) if by.any() else task
 
-    def _but(self, task: Task, values: Vector, number: int, value: float) -> Task:
+    def but(self, task: Task, values: Vector, number: int, value: float) -> Task:
         """The world of some values, with one of them changed."""
         parameter = self.continuous[number]
         if not parameter.moves:
@@ -263,10 +279,10 @@ class LogProblem:
             heeded = self.weighed or not parameter.path.startswith(PAYLOAD)
             if parameter.path != BIAS and by[i] and heeded:
                 step = _DIFFERENCE * max(self.scales[i], abs(values[i]))
-                changed = self._but(task, values, i, values[i] + step)
-                other = self._changed(log, changed, task, total, contacts, own, parameter)
-                if other is not None:
-                    slopes[rows[i]] = self._heeded((other - alone) / step, i, alone)
+                changed = self.but(task, values, i, values[i] + step)
+                change = self._change(log, changed, task, contacts, own, parameter)
+                if change is not None:
+                    slopes[rows[i]] = self._heeded(change / step, i, alone)
         readings = log.readings
         present = np.isfinite(readings)
         late = SensorModel.of(task.robot.sensor, log.period)
@@ -290,9 +306,10 @@ class LogProblem:
         for row, i in enumerate(np.flatnonzero(by)):
             if i < len(self.continuous) and self.continuous[i].path.startswith(OF_JOINTS):
                 step = _DIFFERENCE * max(self.scales[i], abs(values[i]))
-                other = log.world(self._but(task, values, int(i), values[i] + step))
-                change = log.accelerated(other, sliding) - accelerated
-                slope = (metric @ (change / step)[..., None])[..., 0]
+                other = log.world(self.but(task, values, int(i), values[i] + step))
+                # H da = dk - dH a, in the rows of joints that slide; others are not there.
+                change = ((other[0] - world[0]) / step @ accelerated[..., None])[..., 0]
+                slope = (other[1] - world[1]) / step - change
                 slopes[row] = self._heeded(slope, int(i), log.exerted)
         predicted = log.exerted - log.left(metric, accelerated)
         there = np.ones_like(predicted, dtype=bool) if sliding is None else sliding
@@ -314,28 +331,35 @@ class LogProblem:
         nominal = np.any(self.program.context.loaded.task.robot.joint_friction)
         return bool(nominal) or any(p.path == "robot.joint_friction" for p in self.continuous)
 
-    def _changed(
+    def _change(
         self,
         log: LogModel,
         changed: Task,
         task: Task,
-        total: Vector,
         contacts: dict[str, Vector],
         own: Vector,
         parameter: Parameter,
     ) -> Vector | None:
-        """(ticks, 6) readings with one parameter changed; None where they are the same."""
+        """(ticks, 6) by how much readings change with one parameter; None where they do not.
+
+        They are linear in what the sensor measures.
+        """
         tool = self.mobility(changed)
         if parameter.path.startswith("world."):
             owner = owner_of(parameter)
-            difference = log.contact(owner, changed, tool) - contacts[owner]
+            after, before = log.contact(owner, changed, tool), contacts[owner]
+            # A touch that begins or ends within the difference is a jump, and no slope.
+            alike = after.any(axis=1) == before.any(axis=1)
+            difference = np.where(alike[:, None], after - before, 0.0)
             if not difference.any():
                 return None
-            return log.shown(log.own(total + difference, task), task)
+            return log.passed(log.turned(difference), task)
         if parameter.path.startswith(PAYLOAD):
             moved = sum(log.contacts(task, tool).values(), np.zeros((log.ticks, 6)))
-            return log.shown(log.own(moved, changed), changed)
-        return log.shown(own, changed) if parameter.path == FILTER else None
+            return log.passed(log.own(moved, changed) - own, task)
+        if parameter.path == FILTER:
+            return log.passed(own, changed) - log.passed(own, task)
+        return None
 
     def _constants(self, number: int, log: LogModel) -> list[tuple[int, Vector]]:
         """What adds up: the bias before the first tare, and the zeros after each."""
@@ -375,6 +399,7 @@ class Fit:
         blocks: at the values.
         noises: of each block, by channel.
         freedom: ticks and channels, less parameters.
+        beyond: (p,) how much beyond its bound a value that is at it would fit best; else 0.
         delays: ticks that are not much less likely than `delay`.
     """
 
@@ -385,6 +410,7 @@ class Fit:
     blocks: tuple[Channels, ...]
     noises: tuple[tuple[ChannelNoise | None, ...], ...]
     freedom: int
+    beyond: Vector
     delays: tuple[int, ...] = ()
 
     def posterior(self, weak: float = WEAK) -> tuple[Vector, Vector]:
@@ -493,25 +519,138 @@ class _Search:
             self._descended(taken, (JOINT,), last=True)
 
     def contacts(self, progress: Callable[[str], None]) -> None:
-        """What the sensor says."""
+        """What the sensor says.
+
+        As friction creeps by the damping, which seems negative while the delay is wrong, it is
+        taken to be firm until all else is there.
+        """
         words: tuple[str, ...] = ()
         both = self.problem.weighed
         for number, stage in enumerate((*_STAGES, ("payload",) if both else ())):
             words = (*words, *stage)
             taken = self.problem.taken(words, zeros=True)
-            if not both:
-                taken &= ~self.problem.taken(OF_JOINTS, zeros=False)
             last = number == len(_STAGES)
+            if not (both and last):
+                taken &= ~self.problem.taken(OF_JOINTS, zeros=False)
             of = (WRENCH, JOINT) if both and last else (WRENCH,)
             if last:
                 self._turns()
-            for _ in range(6):
-                progress("contact")
-                self._descended(taken, of, last=last)
-                best = self._best_delay(taken)
-                if best == self.ticks:
+            for log in self.problem.logs:
+                log.firm = not last
+            progress("contact")
+            self._with_delays(taken, of, last=last)
+            if last:
+                self._firmer(taken, of)
+            elif number:
+                self._with_filters(taken, of)
+
+    def _with_delays(self, taken: Mask, of: Sequence[str], *, last: bool) -> None:
+        """Least squares with the delay that leaves least, of those that they lead to in turn."""
+        tried: dict[int, tuple[float, Vector]] = {}
+        while self.ticks not in tried and len(tried) < _MOST_DELAYS:
+            self._descended(taken, of, last=last, most=_FEWER_STEPS if tried else _MOST_STEPS)
+            tried[self.ticks] = self._cost(of), self.values
+            if self.problem.delay is not None:
+                self._go(self._profile(taken, far=not last), taken)
+        self.ticks = min(tried, key=lambda ticks: tried[ticks][0])
+        self.values = tried[self.ticks][1]
+
+    def _with_filters(self, taken: Mask, of: Sequence[str]) -> None:
+        """Trades the filter's lag for ticks of delay, as long as that fits better.
+
+        Both come late alike, so it is a valley with a bend, which nothing linear sees across.
+        """
+        problem, period = self.problem, self.problem.period
+        lag = [i for i, p in enumerate(problem.continuous) if p.path == FILTER and taken[i]]
+        self._aside(taken, of)
+        best = self._cost(of)
+        for way in (-1, 1) if lag and problem.delay is not None else ():
+            while self.ticks + way >= 0:
+                before = self.values, self.ticks
+                self.values, self.ticks = self.values.copy(), self.ticks + way
+                self.values[lag] = np.maximum(self.values[lag] - way * period, 0.0)
+                self._descended(taken, of, last=False, most=_FEWER_STEPS)
+                self._aside(taken, of)
+                cost = self._cost(of)
+                if cost >= best:
+                    self.values, self.ticks = before
                     break
-                self.ticks = best
+                best = cost
+
+    def _aside(self, taken: Mask, of: Sequence[str]) -> None:
+        """Lets touches begin a tick earlier or later, all else following, if that leaves less.
+
+        A touch that begins jumps, and no slope says what another tick for it would change.
+        """
+        problem = self.problem
+        blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
+        noises, scales = noises_of(blocks), problem.scales[taken]
+        M, _, left, _ = normal_equations(blocks, noises, scales)
+        covariance = np.linalg.inv(M + np.eye(len(M)) / WEAK**2)
+        best, start = left - _WORTHWHILE, self.values
+        for slope, moves in self._touches(taken):
+            along = covariance @ slope
+            for move in moves:
+                tried = self.values.copy()
+                tried[taken] += scales * along * (move / float(slope @ along))
+                tried = np.maximum(tried, problem.least)
+                other = problem.blocks(tried, self.delay, of=of)
+                total = normal_equations(other, noises, scales)[2]
+                if total < best:
+                    best, start = total, tried
+        if start is not self.values:
+            self.values = start
+            self._descended(taken, of, last=False)
+
+    def _touches(self, taken: Mask) -> Iterator[tuple[Vector, tuple[float, float]]]:
+        """Of each touch that begins the (taken,) slopes of the height there, and how it may change.
+
+        By the first of the two changes it begins a tick later, by the second a tick earlier [m].
+        """
+        problem = self.problem
+        task, places = problem.task(self.values), np.flatnonzero(taken)
+        for name, moving in problem.moving.items():
+            for log in problem.logs:
+                for row in log.begun(name, task)[:_MOST_TOUCHES]:
+                    before, after = log.heights(name, task, np.array([row - 1, row]))
+                    slope = np.zeros(len(places))
+                    for i in moving.values():
+                        if taken[i]:
+                            step = _DIFFERENCE * problem.scales[i]
+                            other = problem.but(task, self.values, i, self.values[i] + step)
+                            height = log.heights(name, other, np.array([row]))[0]
+                            slope[places == i] = (height - after) / _DIFFERENCE
+                    if slope.any():
+                        over = _OVER * (before - after)
+                        yield slope, (over - after, -over - before)
+
+    def _firmer(self, taken: Mask, of: Sequence[str]) -> None:
+        """Tries dampings from above the bend where friction comes to creep.
+
+        Below it a small change of the damping changes friction much, above it not at all.
+        """
+        problem, period = self.problem, 1.0 / self.problem.task(self.values).control.plant_rate
+        for i, parameter in enumerate(problem.continuous):
+            bend = settled_damping(problem.mobility(problem.task(self.values)), period)
+            contact = parameter.path.startswith("world.") and parameter.path.endswith(".damping")
+            if contact and taken[i] and self.values[i] < bend:
+                before = self._cost(of), self.values, self.ticks
+                self.values = self.values.copy()
+                self.values[i] = _ABOVE * bend
+                self._with_delays(taken, of, last=True)
+                if self._cost(of) > before[0]:
+                    _, self.values, self.ticks = before
+
+    def _cost(self, of: Sequence[str]) -> float:
+        """-log of the likelihood, with the noise that suits best, and of what the file says."""
+        problem = self.problem
+        blocks = problem.blocks(self.values, self.delay, of=of)
+        total = 0.0
+        for block, noises in zip(blocks, noises_of(blocks), strict=True):
+            # Every delay is judged by as many ticks.
+            total += len(block.rows) * sum(np.log(n.deviation) for n in noises if n is not None)
+        home = (problem.declared - self.values) / problem.scales
+        return total + float(home @ home) / (2 * WEAK**2)
 
     def _turns(self) -> None:
         """Finds out whether sensors turn with the tool, of which files do not say so."""
@@ -531,15 +670,19 @@ class _Search:
         every = np.ones(len(problem.scales), dtype=bool)
         blocks = problem.blocks(self.values, self.delay, by=every)
         noises = noises_of(blocks)
-        M, _, _, count = normal_equations(blocks, noises, problem.scales)
+        M, g, _, count = normal_equations(blocks, noises, problem.scales)
+        home = (problem.declared - self.values) / problem.scales
+        move, _ = step(M, g, home)
+        held = (self.values <= problem.least) & (move < 0)
+        beyond = np.where(held, move * problem.scales, 0.0)
         delays: tuple[int, ...] = ()
         if problem.delay is not None:
             taken = ~problem.taken(OF_JOINTS, zeros=False)
-            left = self._profile(taken)
+            left = {d: x for d, (x, _) in self._profile(taken, far=True).items()}
             delays = tuple(d for d, x in left.items() if x < left[self.ticks] + 2.71)
         return Fit(
             problem, self.values, self.ticks if delays else None, M, tuple(blocks), noises,
-            count - len(problem.scales), delays,
+            count - len(problem.scales), beyond, delays,
         )  # fmt: skip
 
     def _descended(
@@ -559,7 +702,7 @@ class _Search:
         blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
         noises = noises_of(blocks, order)
         damping = 1e-6
-        for _ in range(_MOST_STEPS if last else most):
+        for number in range(_MOST_STEPS if last else most):
             problem.metric = problem.task(self.values, self.delay)
             M, g, total, _ = normal_equations(blocks, noises, scales)
             home = ((problem.declared - self.values) / problem.scales)[taken]
@@ -572,7 +715,8 @@ class _Search:
                 other = problem.blocks(tried, self.delay, of=of)
                 _, _, after, _ = normal_equations(other, noises, scales)
                 away = ((problem.declared - tried) / problem.scales)[taken]
-                if after + float(away @ away) / WEAK**2 <= cost * (1 + 1e-12):
+                gain = cost - after - float(away @ away) / WEAK**2
+                if gain >= -1e-12 * cost:
                     improved = True
                     break
                 damping = max(damping * 10, 1e-4)
@@ -584,10 +728,14 @@ class _Search:
             blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
             renewed = noises_of(blocks, order)
             change = np.max(np.abs(move) / deviations, initial=0.0)
+            # Near the end noise stays, or its order may go to and fro without end.
             same = _alike(noises, renewed)
-            noises = renewed
+            if not (same and change < _NEAR_END):
+                noises = renewed
             damping = max(damping / 10, 1e-9)
-            if change < (_SMALL if last else 0.1) and same:
+            small = _SMALL if last else 0.1
+            to_and_fro = number > _FEW_STEPS and change < _NEAR_END
+            if (change < small and same) or gain < _LITTLE or to_and_fro:
                 return
 
     def _move(
@@ -602,14 +750,27 @@ class _Search:
             move[free], deviations[free] = step(M[np.ix_(free, free)], g[free], home[free], damping)
         return move, deviations
 
-    def _best_delay(self, taken: Mask) -> int:
-        if self.problem.delay is None:
-            return self.ticks
-        left = self._profile(taken)
-        return min(left, key=lambda ticks: left[ticks])
+    def _go(self, profile: dict[int, tuple[float, Vector]], taken: Mask) -> None:
+        """To the delay that leaves least, and there to the values that follow."""
+        best = min(profile, key=lambda ticks: profile[ticks][0])
+        if best != self.ticks:
+            problem, move = self.problem, profile[best][1]
+            made = self.values.copy()
+            made[taken] = np.maximum(
+                made[taken] + problem.scales[taken] * move, problem.least[taken]
+            )
+            self.ticks, self.values = best, made
 
-    def _profile(self, taken: Mask) -> dict[int, float]:
-        """Sums of squares that are left with other delays, the parameters following linearly."""
+    def _profile(self, taken: Mask, *, far: bool) -> dict[int, tuple[float, Vector]]:
+        """What is left with other delays, to which parameters follow linearly.
+
+        Returns:
+            Of each delay the sum of squares, and the step of the parameters, in scales.
+
+        Args:
+            taken: (p,) which parameters follow.
+            far: whether all delays are tried, or only those near the present one.
+        """
         problem, scales = self.problem, self.problem.scales[taken]
         blocks = problem.blocks(self.values, self.delay, by=taken, of=(WRENCH,))
         home = ((problem.declared - self.values) / problem.scales)[taken]
@@ -625,8 +786,8 @@ class _Search:
                     rows = np.flatnonzero(noise.usable(inner[:, i]))
                     measured = noise.whitened(np.nan_to_num(block.measured[:, i]))
                     channels.append((rows, measured, noise.whitened(columns)))
-        found: dict[int, float] = {}
-        for other in self._tried(most):
+        found: dict[int, tuple[float, Vector]] = {}
+        for other in self._tried(most, far=far):
             late = other - self.ticks
             M, g, total = np.zeros((len(scales),) * 2), np.zeros(len(scales)), 0.0
             for rows, measured, columns in channels:
@@ -634,15 +795,16 @@ class _Search:
                 e, J = measured[rows] - part[:, 0], part[:, 1:] * scales
                 M, g, total = M + J.T @ J, g + J.T @ e, total + float(e @ e)
             move, _ = step(M, g, home)
-            found[other] = total - 2 * float(g @ move) + float(move @ M @ move)
+            found[other] = total - 2 * float(g @ move) + float(move @ M @ move), move
         return found
 
-    def _tried(self, most: int) -> list[int]:
+    def _tried(self, most: int, *, far: bool) -> list[int]:
         """Delays that are tried: all near the present one, ever fewer farther away."""
-        near = range(max(self.ticks - 8, 0), self.ticks + 9)
-        away = {round(8 * 1.3**i) for i in range(30)}
-        far = {t for d in away for t in (self.ticks - d, self.ticks + d) if 0 <= t <= most}
-        return sorted({*near, *far})
+        width = _NEAR_DELAYS[far]
+        near = range(max(self.ticks - width, 0), self.ticks + width + 1)
+        away = {round(width * 1.3**i) for i in range(30)} if far else set()
+        others = {t for d in away for t in (self.ticks - d, self.ticks + d) if 0 <= t <= most}
+        return sorted({*near, *others})
 
 
 def step(M: Vector, g: Vector, home: Vector, damping: float = 0.0) -> tuple[Vector, Vector]:
@@ -666,7 +828,7 @@ def _alike(
 ) -> bool:
     for one, two in zip(before, after, strict=True):
         for a, b in zip(one, two, strict=True):
-            if a is not None and b is not None and abs(a.deviation / b.deviation - 1) > 1e-3:
+            if a is not None and b is not None and abs(a.deviation / b.deviation - 1) > _SAME:
                 return False
     return True
 

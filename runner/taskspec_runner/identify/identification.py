@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from taskspec.compiler import compile_unchecked
 from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
+from taskspec.program.sensor import SensorModel
 from taskspec.spec import LoadedTask, Task
+from taskspec.spec.robot import Noise
 from taskspec.text.units import Dimension, si_unit
 from taskspec_runner.identify.estimate import Estimate
-from taskspec_runner.identify.fit import KNOWN, Fit, LogProblem, fit
+from taskspec_runner.identify.fit import KNOWN, WRENCH, Fit, LogProblem, fit
 from taskspec_runner.identify.held_out import Prediction, predictions
 from taskspec_runner.identify.logs import check_log, open_log
 from taskspec_runner.identify.model import LogModel
@@ -33,6 +35,13 @@ _TOGETHER = 0.5
 #: Of a combination, what is smaller than this share of the largest is left out.
 _SMALL = 0.01
 LEVEL = 0.9
+#: Of how far a value may plausibly be off, what it is known to at best: logs without noise leave
+#: what iterations end at and differences miss.
+_ARITHMETIC = 1e-7
+#: Of a channel, what is left of it by arithmetic alone.
+_ROUNDED = 1e-6
+#: Residuals that are so many times as large as their noise are not noise alone.
+_SURPRISING = 1.25
 #: Of a tick, by which a delay is longer than those that are rounded up to the one before.
 _PART = 1e-3
 
@@ -91,6 +100,8 @@ class ChannelResidual:
         channel: such as `force.z`, `joint.3.torque`.
         rms: of what is left [SI].
         white: rms of what is new in it from tick to tick [SI].
+        explained: rms that the noise of the sensor has there, as the file declares it, or else as
+            `white` says, after the filter [SI].
         unit: SI.
         size: rms of the channel itself [SI].
     """
@@ -99,13 +110,24 @@ class ChannelResidual:
     channel: str
     rms: float
     white: float
+    explained: float
     size: float
     unit: str
+
+    @property
+    def excess(self) -> float:
+        """How many times as large as explained it is."""
+        return self.rms / self.explained if self.explained > 0 else 1.0
+
+    @property
+    def surprising(self) -> bool:
+        """Whether noise does not explain it."""
+        return self.excess > _SURPRISING and self.rms > _ROUNDED * self.size
 
     def as_data(self) -> dict[str, Any]:
         """For `--format json`, in SI."""
         return {"log": self.log, "channel": self.channel, "rms": self.rms, "white": self.white,
-                "size": self.size, "unit": self.unit}  # fmt: skip
+                "explained": self.explained, "size": self.size, "unit": self.unit}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -235,7 +257,7 @@ def _identification(
     outside = Outside(problem, found, known)
     slopes = outside.slopes
     inside = (inverse * np.outer(scales, scales))[:count, :count]
-    covariance = slopes @ inside @ slopes.T
+    covariance = slopes @ inside @ slopes.T + np.diag((_ARITHMETIC * scales[:count]) ** 2)
     quantile = NormalDist().inv_cdf(0.5 + level / 2)
     estimates = []
     for i, parameter in enumerate(problem.continuous):
@@ -363,16 +385,25 @@ def _echelon(rows: Vector) -> Vector:
 
 def _residuals(found: Fit) -> list[ChannelResidual]:
     made = []
+    sensor = found.task.robot.sensor
+    pole = SensorModel.of(sensor, found.problem.period).pole
+    noise = Noise() if sensor.noise is None else sensor.noise
+    declared = {"N": noise.force, "N*m": noise.torque}
     for block, noises in zip(found.blocks, found.noises, strict=True):
         name = found.problem.logs[block.log].name
-        for i, noise in enumerate(noises):
-            if noise is None:
+        for i, own_noise in enumerate(noises):
+            if own_noise is None:
                 continue
             rows = block.present[:, i]
             left, own = block.left[rows, i], block.measured[rows, i]
+            unit, explained = channel_unit(block.of, i), own_noise.deviation
+            if block.of == WRENCH:
+                # Noise passes the filter: x[k] = b x[k-1] + (1 - b) w[k].
+                explained /= (1 - pole**2) ** 0.5
+                if declared[unit] > 0:
+                    explained = declared[unit] * ((1 - pole) / (1 + pole)) ** 0.5
             made.append(
                 ChannelResidual(name, channel_name(block.of, i), float(np.sqrt(np.mean(left**2))),
-                         noise.deviation, float(np.sqrt(np.mean(own**2))),
-                         channel_unit(block.of, i))
+                         own_noise.deviation, explained, float(np.sqrt(np.mean(own**2))), unit)
             )  # fmt: skip
     return made

@@ -13,6 +13,8 @@ was has the noise in it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +33,8 @@ _SLOW = 0.01
 _SURELY = 1.5
 #: By so many deviations of its change from tick to tick an acceleration may be larger.
 _SHAKEN = 4.0
+#: Places of a payload of which terms are kept: one, and one beside it along each axis.
+_KEPT = 4
 #: MuJoCo's impedance of a joint's friction, and the rate [1/s] at which it takes a slip away.
 _FRICTION_IMPEDANCE, _FRICTION_RATE = 0.9, 2.0 / (0.95 * 0.02)
 
@@ -56,6 +60,7 @@ class FreeJoints:
         # Of the step before, so that which ticks count does not go by the noise in them.
         shaken = np.std(np.diff(motion.acceleration, axis=0), axis=0) / 2**0.5
         self._before = np.abs(motion.acceleration[np.maximum(rows - 1, 0)]) + _SHAKEN * shaken
+        self._kept: dict[tuple[float, float, float], tuple[Vector, Vector]] = {}
         self._step = 1.0 / context.loaded.task.control.plant_rate
 
     def sliding(self, friction: Vector) -> Mask:
@@ -77,15 +82,25 @@ class FreeJoints:
         known -= np.broadcast_to(robot.joint_friction, n) * np.sign(self._rates)
         H = self._H + self._step * np.diag(damping)
         if load is not None and load.mass:
-            r = self._R @ np.array(load.xyz)
+            inertia, weight = self._carried(load.xyz)
+            H += load.mass * inertia
+            known -= load.mass * weight
+        return H, known
+
+    def _carried(self, xyz: Sequence[float]) -> tuple[Vector, Vector]:
+        """(k, joints, joints) the matrix of 1 kg at a place of the tip, (k, joints) its torques."""
+        place = float(xyz[0]), float(xyz[1]), float(xyz[2])
+        if place not in self._kept:
+            r = self._R @ np.array(place)
             J = self._J[:, :3].copy()
-            for i in range(n):
+            for i in range(J.shape[2]):
                 J[:, :, i] -= cross_rows(r, self._J[:, 3:, i])
             still = self._drift[:, :3] + cross_rows(self._drift[:, 3:], r)
             still += cross_rows(self._spin, cross_rows(self._spin, r)) - np.array(GRAVITY)
-            H += load.mass * (J.transpose(0, 2, 1) @ J)
-            known -= load.mass * (J.transpose(0, 2, 1) @ still[..., None])[..., 0]
-        return H, known
+            turned = J.transpose(0, 2, 1)
+            made = turned @ J, (turned @ still[..., None])[..., 0]
+            self._kept = dict([*self._kept.items(), (place, made)][-_KEPT:])
+        return self._kept[place]
 
     def accelerated(self, world: tuple[Vector, Vector], sliding: Mask | None) -> Vector:
         """(k, joints) the acceleration in a world.

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from taskspec.program.program import Program
 from taskspec.program.sensor import SensorModel
 from taskspec.robot.rebuild import GRAVITY
-from taskspec.spec import Sensor, Task
-from taskspec_runner.identify.contact import BallContact, Setting
+from taskspec.spec import Sensor, Shape, Task
+from taskspec_runner.identify.contact import BallContact, Setting, Touching
 from taskspec_runner.identify.joints import FreeJoints
 from taskspec_runner.identify.motion import LoggedMotion, Readings, motion_of
 from taskspec_runner.identify.parameters import identifiable
@@ -48,6 +48,7 @@ class LogModel:
         open: whether the file does not say that the sensor turns with the tool.
         turns: whether it is taken to: each reading is then turned into the world with the tool's
             axes of the tick, else with those of the step that it comes from.
+        firm: whether friction is taken to creep as little as it may, whatever the damping is.
     """
 
     def __init__(self, program: Program, history: History, name: str) -> None:
@@ -72,10 +73,12 @@ class LogModel:
         self._radius = float(tool.radii[0])
         self._into: dict[bool, Vector] = {}
         self._near: dict[str, NDArray[np.int64]] = {}
+        self._touching: dict[str, tuple[object, Touching]] = {}
         self._kept: dict[tuple[int, int, bool], Vector] = {}
         stages = task.stages.values()
         self.open = task.robot.sensor == Sensor() and not any(each.tare for each in stages)
         self.turns = not self.open
+        self.firm = False
 
     @property
     def ticks(self) -> int:
@@ -105,13 +108,32 @@ class LogModel:
 
     def contact(self, name: str, task: Task, mobility: float) -> Vector:
         """(ticks, 6) what one shape exerts on the tip, world axes [N, N m]."""
-        setting, shape = Setting.of(task, mobility), task.shapes[name]
+        return self._touch(name, task.shapes[name]).wrench(
+            task.shapes[name], Setting.of(task, mobility, firm=self.firm)
+        )
+
+    def begun(self, name: str, task: Task) -> NDArray[np.int64]:
+        """The ticks at which the ball begins to touch a shape, but for the first of the log."""
+        rows = self._touch(name, task.shapes[name]).rows
+        return np.asarray(rows[(np.diff(rows, prepend=rows[:1]) != 1) & (rows > 0)])
+
+    def heights(self, name: str, task: Task, rows: NDArray[np.int64]) -> Vector:
+        """(k,) of the ball above a shape in some ticks [m]."""
+        d, _ = self._contacts[name].surroundings(self._center[rows], task.shapes[name])
+        return np.asarray(d - self._radius)
+
+    def _touch(self, name: str, shape: Shape) -> Touching:
+        """The ticks in which the ball touches a shape, kept for its last place."""
         if name not in self._near:
             d, _ = self._contacts[name].surroundings(self._center, shape)
             self._near[name] = np.flatnonzero(d < self._radius + _NEAR)
-        return self._contacts[name].wrench(
-            self.motion, self._center, self._radius, shape, setting, self._near[name]
-        )
+        place, touching = self._touching.get(name, (None, None))
+        if touching is None or place != (shape.xyz, shape.rpy):
+            touching = self._contacts[name].touching(
+                self.motion, self._center, self._radius, shape, self._near[name]
+            )
+            self._touching[name] = (shape.xyz, shape.rpy), touching
+        return touching
 
     def touch(self, name: str, task: Task) -> tuple[Vector, Vector, Vector]:
         """(k,) heights of the ball above a shape, (k,) forces along its normal, (k, 3) normals."""
@@ -169,7 +191,15 @@ class LogModel:
             load = task.robot.payload
             if load is not None and load.mass:
                 total = total + self.hanging(load.mass, np.array(load.xyz))
-        return turned_rows(self.motion.R.transpose(0, 2, 1), total)
+        return self.turned(total)
+
+    def turned(self, wrench: Vector) -> Vector:
+        """(ticks, 6) wrenches of world axes in the sensor's own."""
+        return turned_rows(self.motion.R.transpose(0, 2, 1), wrench)
+
+    def passed(self, own: Vector, task: Task) -> Vector:
+        """(ticks, 6) what the log has of wrenches in the sensor's own axes, without weight."""
+        return self.logged(readings(own, SensorModel.of(task.robot.sensor, self.period)))
 
     def shown(self, own: Vector, task: Task) -> Vector:
         """(ticks, 6) the readings in the log's axes; bias and zero are not in them."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from statistics import NormalDist
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +19,8 @@ Mask = NDArray[np.bool_]
 
 _STEP = 1e-7
 _AXES = "xyz"
+#: Probabilities below this are no numbers to go by.
+_NOTHING = 1e-12
 
 
 class Outside:
@@ -34,7 +39,7 @@ class Outside:
 
     def __init__(self, problem: LogProblem, found: Fit, known: Mask) -> None:
         """Of a fit, of which some parameters are `known` (count,)."""
-        self._problem, self._known = problem, known
+        self._problem, self._known, self._beyond = problem, known, found.beyond
         count = len(problem.continuous)
         values = found.values[:count].copy()
         self.inside = self._at_home(values)
@@ -48,6 +53,8 @@ class Outside:
             other = self.inside.copy()
             other[i] += step
             self.slopes[:, i] = (self._outside(self._at_home(other)) - self.values) / step
+            # What is at its bound is known as well as it would be without.
+            self.slopes[i, i] = self.slopes[i, i] if problem.continuous[i].moves else 1.0
         self.slopes[~known] = 0.0
         self.names = tuple(self._name(p) for p in problem.continuous)
 
@@ -120,19 +127,39 @@ class Outside:
     ) -> Estimate:
         """One value with its interval."""
         value, declared = float(self.values[number]), parameter.declared
-        ends = [value - quantile * deviation, value + quantile * deviation]
+        own = value if parameter.moves else float(self.inside[number] + self._beyond[number])
+        ends = interval(own, deviation, quantile, parameter.least)
         along = self._along(parameter)
         if parameter.path == FILTER:
             inside = float(self.inside[number])
-            ends = sorted(parameter.value(inside + sign * quantile * deviation) for sign in (-1, 1))
+            ends = parameter.value(ends[1]), parameter.value(ends[0])
             value, declared = parameter.value(inside), parameter.value(declared)
-            deviation = (ends[1] - ends[0]) / (2 * quantile)
+            deviation = (min(ends[1], value) - ends[0]) / quantile
+            if not math.isinf(ends[1]):
+                deviation = (ends[1] - ends[0]) / (2 * quantile)
         elif parameter.moves and not along:
             shape = self._problem.program.context.loaded.task.shapes[owner_of(parameter)]
             of = shape.xyz if parameter.path.endswith(".xyz") else shape.rpy
             declared = float(of[parameter.index or 0])
-        low = max(ends[0], parameter.least)
         return Estimate(
-            parameter.path, parameter.index, along, value, low, max(ends[1], low), deviation,
+            parameter.path, parameter.index, along, value, *ends, deviation,
             declared, parameter.dimension,
         )  # fmt: skip
+
+
+def interval(own: float, deviation: float, quantile: float, least: float) -> tuple[float, float]:
+    """The ends of an interval; from its bound on, if a value cannot be told from that.
+
+    Then the likelihood counts for values that there may be, those from the bound on, and the
+    interval is the part next to it that has the level.
+    """
+    low, high = own - quantile * deviation, own + quantile * deviation
+    if low >= least or deviation <= 0:
+        return max(low, least), max(high, least)
+    normal = NormalDist()
+    there = normal.cdf((own - least) / deviation)
+    beyond = 2 * normal.cdf(-quantile)
+    if there * beyond <= _NOTHING:
+        # So far beyond that the likelihood falls like an exponential.
+        return least, least + deviation**2 / max(least - own, deviation) * -math.log(beyond)
+    return least, own - deviation * normal.inv_cdf(there * beyond)

@@ -108,6 +108,9 @@ def parameters_of(program: Program, what: Sequence[str] | None = None) -> tuple[
     found = tuple(_all(program))
     if what is None:
         return found
+    if not what:
+        named = ", ".join(dict.fromkeys(each.path for each in found))
+        raise InputError(f"--what names nothing; values that can be identified: {named}")
     wanted = [_resolved(program, path) for path in what]
     for path, of in zip(what, wanted, strict=True):
         if not any(_names(of_path, each) for of_path in of for each in found):

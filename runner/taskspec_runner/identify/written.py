@@ -46,7 +46,8 @@ def unit_of(estimate: Estimate) -> str:
 def values(found: Identification) -> dict[str, str]:
     """What a file would have, by paths, as it is written: `world.table.stiffness`: `21.97 kN/m`.
 
-    A list has all of its components, those that are not identified as in the file.
+    A list has all of its components, those that are not identified as in the file. What the file
+    has as 0, or not at all, stays so where it cannot be told from that.
     """
     made: dict[str, str] = {}
     by_path: dict[str, list[Estimate]] = {}
@@ -55,7 +56,8 @@ def values(found: Identification) -> dict[str, str]:
     for path, estimates in by_path.items():
         if estimates[0].index is None:
             each = estimates[0]
-            if not math.isinf(each.value):
+            same = each.settled == 0 == each.declared
+            if not same and not math.isinf(each.high):
                 made[path] = shown(each.value, unit_of(each), each.deviation)
             continue
         made[path] = _listed(found, path, estimates)
@@ -66,6 +68,7 @@ def _listed(found: Identification, path: str, estimates: list[Estimate]) -> str:
     context = found.program.context
     dimensions = found.loaded.task.target_of(path).dimensions
     deviation = {e.index: e.deviation for e in estimates}
+    nothing = {e.index for e in estimates if e.settled == 0}
     least = min(deviation.values())
     parts = []
     for i, dimension in enumerate(dimensions):
@@ -74,7 +77,7 @@ def _listed(found: Identification, path: str, estimates: list[Estimate]) -> str:
             value = value_of(context, found.loaded.task, path, i)
         unit = suited(max(abs(value), least), dimension)
         text = shown(value, unit, deviation.get(i, least))
-        parts.append("0" if text.startswith("0 ") else text)
+        parts.append("0" if text.startswith("0 ") or i in nothing else text)
     return f"[{', '.join(parts)}]"
 
 
@@ -125,7 +128,7 @@ def _ends(each: Estimate) -> str:
 
 
 def _off(each: Estimate) -> str:
-    return _tolerance(max(each.high - each.value, each.value - each.low), each)
+    return _tolerance(max(each.high - each.settled, each.settled - each.low), each)
 
 
 def _tolerance(width: float, each: Estimate) -> str:

@@ -244,6 +244,16 @@ def settling_rate(damping: float, mobility: float, plant_period: float) -> float
     return min(damping * (1 - IMPEDANCE) * mobility, IMPEDANCE * SETTLING / plant_period)
 
 
+def settled_damping(mobility: float, plant_period: float) -> float:
+    """From which on friction creeps no less [N s/m]: `settling_rate` is then as fast as it may be.
+
+    Args:
+        mobility: A [1/kg].
+        plant_period: [s].
+    """
+    return IMPEDANCE * SETTLING / plant_period / ((1 - IMPEDANCE) * mobility)
+
+
 def friction_ratio(task: Task) -> float:
     """How much stiffer friction is against a slip than a contact is damped along its normal."""
     cut = any(isinstance(frames.surface(shape), CutPlate) for shape in task.shapes.values())
