@@ -169,25 +169,25 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--budget", type=int, default=50)
     parser.add_argument("--rows", type=Path, default=Path("runs/tuned-worlds.jsonl"))
     parser.add_argument("--page", type=Path)
-    asked = parser.parse_args(arguments)
-    asked.rows.parent.mkdir(parents=True, exist_ok=True)
+    options = parser.parse_args(arguments)
+    options.rows.parent.mkdir(parents=True, exist_ok=True)
     known = {}
-    if asked.rows.exists():
-        for line in asked.rows.read_text("utf-8").splitlines():
+    if options.rows.exists():
+        for line in options.rows.read_text("utf-8").splitlines():
             row = json.loads(line)
             known[row["number"]] = row
-    numbers = range(asked.first, asked.first + asked.tasks)
+    numbers = range(options.first, options.first + options.tasks)
     for number in numbers:
         if number in known:
             continue
-        known[number] = row_of(number, asked.fresh, asked.budget)
-        with asked.rows.open("a", encoding="utf-8") as file:
+        known[number] = row_of(number, options.fresh, options.budget)
+        with options.rows.open("a", encoding="utf-8") as file:
             file.write(json.dumps(known[number]) + "\n")
         print(json.dumps(known[number]), file=sys.stderr, flush=True)  # noqa: T201
     table = [*lines([known[number] for number in numbers])]
     print("\n".join(table))  # noqa: T201
-    if asked.page is not None:
-        keep(asked.page, "tuned", table)
+    if options.page is not None:
+        keep(options.page, "tuned", table)
     return 0
 
 

@@ -21,7 +21,7 @@ from taskspec.text.units import scaled, show
 
 Vector = NDArray[np.float64]
 
-#: How far a stage without an end is looked at [s], and at how many times at most.
+#: How far a stage without an end is examined [s], and at how many times at most.
 _LONGEST, _TIMES = 60.0, 20_000
 #: A stage of fewer ticks changes nothing.
 _FEWEST = 3

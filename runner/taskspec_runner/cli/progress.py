@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import field
+from typing import TypeVar
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
@@ -15,8 +16,10 @@ from taskspec.text.units import FORCE, si_unit
 from taskspec_runner.cli.console import console
 from taskspec_runner.session import Glimpse, Progress
 
-#: Seconds between two samples of a run.
-_PAUSE = 0.1
+Glanced = TypeVar("Glanced")
+
+#: Seconds between two samples of a run, and of a search or a sweep.
+_PAUSE, _LONGER_PAUSE = 0.1, 0.2
 _BLOCKS = "▁▂▃▄▅▆▇█"
 #: Simulated time between two blocks, and that of all of them [s].
 _STEP, _SPAN = 0.1, 3.0
@@ -94,6 +97,29 @@ def describe(glimpse: Glimpse) -> str:
         numbers = f"{glimpse.force:8.2f} of {glimpse.reference:.2f} {unit}"
         parts.append(f"{axis.effort}.{axis} {numbers:<22}")
     return "  ".join([*parts, f"{glimpse.real_time_factor:.0f} x real time"])
+
+
+@contextmanager
+def described_line(
+    text_of: Callable[[Glanced], str], *, shown: bool
+) -> Iterator[Callable[[Glanced], None] | None]:
+    """Shows on standard error the text of what was reached last, as it comes."""
+    if not shown:
+        yield None
+        return
+    from rich.live import Live
+    from rich.text import Text
+
+    last = 0.0
+    with Live(console=console(err=True), auto_refresh=False, transient=True) as live:
+
+        def watch(glimpse: Glanced) -> None:
+            nonlocal last
+            if time.monotonic() - last >= _LONGER_PAUSE:
+                last = time.monotonic()
+                live.update(Text(text_of(glimpse), no_wrap=True), refresh=True)
+
+        yield watch
 
 
 @contextmanager

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ import typer
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.options import SweepOptions, TaskOptions, WatchOptions
 from taskspec_runner.cli.parallel import processors
+from taskspec_runner.cli.progress import described_line
 from taskspec_runner.cli.run import admitted
 from taskspec_runner.errors import InputError
 from taskspec_runner.loop.interrupt import Termination
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 #: Worlds where neither the file nor an option says how many.
 WORLDS = 100
-#: Seconds between two samples.
-_PAUSE = 0.2
 
 
 def sweep_task(file: Path, given: SweepOptions, watched: WatchOptions) -> int:
@@ -58,7 +56,7 @@ def sweep_task(file: Path, given: SweepOptions, watched: WatchOptions) -> int:
         with (
             Termination(),
             workers(given.executor, given.jobs or processors()) as found,
-            _progress(shown=not given.quiet and sys.stderr.isatty()) as line,
+            described_line(describe, shown=not given.quiet and sys.stderr.isatty()) as line,
         ):
             watches = [line, None if page is None else page.watch]
             result = sweep(
@@ -149,26 +147,3 @@ def _told(result: SweepResult, *, quiet: bool, form: RunFormat) -> int:
     else:
         show_sweep(result, quiet=quiet)
     return int(result.summary["exit_code"])
-
-
-@contextmanager
-def _progress(*, shown: bool) -> Iterator[Watch | None]:
-    """Shows on standard error how far a sweep is."""
-    if not shown:
-        yield None
-        return
-    from rich.live import Live
-    from rich.text import Text
-
-    from taskspec_runner.cli.console import console
-
-    last = 0.0
-    with Live(console=console(err=True), auto_refresh=False, transient=True) as live:
-
-        def watch(glimpse: SweepGlimpse) -> None:
-            nonlocal last
-            if time.monotonic() - last >= _PAUSE:
-                last = time.monotonic()
-                live.update(Text(describe(glimpse), no_wrap=True), refresh=True)
-
-        yield watch

@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,25 +15,24 @@ from taskspec.compiler import compile_unchecked
 from taskspec.spec.patch import PatchError, patched
 from taskspec.text.units import number
 from taskspec_runner import exit_codes
-from taskspec_runner.cli.console import console, show, table
+from taskspec_runner.cli.console import show, table
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.options import TuneOptions
 from taskspec_runner.cli.parallel import processors
+from taskspec_runner.cli.progress import described_line
 from taskspec_runner.errors import InputError
 from taskspec_runner.record.whole import write_whole
 from taskspec_runner.sweep.statistics import Rate
 from taskspec_runner.sweep.summary import rate_text
 from taskspec_runner.tune.obstacles import failures
-from taskspec_runner.tune.search import SearchGlimpse, Watch
+from taskspec_runner.tune.search import SearchGlimpse
 from taskspec_runner.tune.tuned import Tuned, Wanted, tune
 
 if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
 
-#: Seconds between two lines of progress.
-_PAUSE = 0.2
 #: Failures that are shown, at most.
 _MOST_FAILURES = 4
 
@@ -63,7 +60,7 @@ def tune_task(file: Path, given: TuneOptions) -> int:
         given.seed,
         given.jobs or processors(),
     )
-    with _progress(shown=not given.quiet and sys.stderr.isatty()) as watch:
+    with described_line(_glimpse, shown=not given.quiet and sys.stderr.isatty()) as watch:
         found = tune(program, wanted, watch)
     if given.patch is not None and found.after.good:
         written = {**loaded.overrides, **found.overrides}
@@ -177,27 +174,6 @@ def _intervals(found: Tuned) -> Table:
             works = interval.text(each.works)
         made.add_row(interval.name, interval.text(whole), works, "; ".join(each.fails[:2]))
     return made
-
-
-@contextmanager
-def _progress(*, shown: bool) -> Iterator[Watch | None]:
-    """Shows on standard error how far the search is."""
-    if not shown:
-        yield None
-        return
-    from rich.live import Live
-    from rich.text import Text
-
-    last = 0.0
-    with Live(console=console(err=True), auto_refresh=False, transient=True) as live:
-
-        def watch(glimpse: SearchGlimpse) -> None:
-            nonlocal last
-            if time.monotonic() - last >= _PAUSE:
-                last = time.monotonic()
-                live.update(Text(_glimpse(glimpse), no_wrap=True), refresh=True)
-
-        yield watch
 
 
 def _glimpse(glimpse: SearchGlimpse) -> str:

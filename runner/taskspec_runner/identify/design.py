@@ -182,9 +182,9 @@ def design(
             break
         found = identify(made, [run.history], what, level)
         predicted = tuple(_predicted(found.estimates, wanted, width))
-        told = {each.estimate.name for each in predicted}
+        found_names = {each.estimate.name for each in predicted}
         untold = tuple(
-            each.name for each in wanted if not any(n.startswith(each.name) for n in told)
+            each.name for each in wanted if not any(n.startswith(each.name) for n in found_names)
         )
         best = DesignedTask(
             written, predicted, untold, remarks, run.outcome.clock, peak, press.limit

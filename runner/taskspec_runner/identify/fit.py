@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.geometry.axis import AXES
 from taskspec.geometry.rotation import from_rpy
 from taskspec.program.program import Program
 from taskspec.program.sensor import SensorModel
@@ -96,6 +97,16 @@ class Channels:
     def left(self) -> Vector:
         """(n, channels) what the model does not explain."""
         return np.where(self.present, self.measured - self.predicted, 0.0)
+
+    def name(self, number: int) -> str:
+        """The name of a channel, such as `force.z` or `joint.3.torque`."""
+        if self.of == JOINT:
+            return f"joint.{number + 1}.torque"
+        return f"{AXES[number].effort}.{AXES[number]}"
+
+    def unit(self, number: int) -> str:
+        """The SI unit of a channel's values."""
+        return "N" if self.of == WRENCH and number < 3 else "N*m"
 
 
 @dataclass(frozen=True)

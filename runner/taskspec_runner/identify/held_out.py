@@ -10,7 +10,6 @@ import numpy as np
 from taskspec.deferred_methods import dataclass
 from taskspec_runner.identify.fit import Fit, LogProblem
 from taskspec_runner.identify.model import LogModel
-from taskspec_runner.identify.words import channel_name, channel_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +69,6 @@ def predictions(found: Fit, log: LogModel) -> Iterator[Prediction]:
                 continue
             at = rows[np.abs(block.measured[rows, i]).argmax()]
             yield Prediction(
-                log.name, channel_name(block.of, i), float(np.sqrt(np.mean(left[rows, i] ** 2))),
-                float(block.measured[at, i]), float(predicted[at, i]), channel_unit(block.of, i),
+                log.name, block.name(i), float(np.sqrt(np.mean(left[rows, i] ** 2))),
+                float(block.measured[at, i]), float(predicted[at, i]), block.unit(i),
             )  # fmt: skip

@@ -25,7 +25,6 @@ from taskspec_runner.identify.logs import check_log, open_log
 from taskspec_runner.identify.model import LogModel
 from taskspec_runner.identify.outside import Outside
 from taskspec_runner.identify.parameters import parameters_of
-from taskspec_runner.identify.words import channel_name, channel_unit
 from taskspec_runner.record.history import History
 
 Vector = NDArray[np.float64]
@@ -396,14 +395,14 @@ def _residuals(found: Fit) -> list[ChannelResidual]:
                 continue
             rows = block.present[:, i]
             left, own = block.left[rows, i], block.measured[rows, i]
-            unit, explained = channel_unit(block.of, i), own_noise.deviation
+            unit, explained = block.unit(i), own_noise.deviation
             if block.of == WRENCH:
                 # Noise passes the filter: x[k] = b x[k-1] + (1 - b) w[k].
                 explained /= (1 - pole**2) ** 0.5
                 if declared[unit] > 0:
                     explained = declared[unit] * ((1 - pole) / (1 + pole)) ** 0.5
             made.append(
-                ChannelResidual(name, channel_name(block.of, i), float(np.sqrt(np.mean(left**2))),
+                ChannelResidual(name, block.name(i), float(np.sqrt(np.mean(left**2))),
                          own_noise.deviation, explained, float(np.sqrt(np.mean(own**2))), unit)
             )  # fmt: skip
     return made

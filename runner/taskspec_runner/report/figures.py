@@ -38,7 +38,7 @@ LINEAR, ANGULAR = TRANSLATIONS, ROTATIONS
 #: Colour roles of the axes; a rotation has the colour of its axis.
 _ROLES: dict[str, str] = {axis: axis.letter for axis in AXES}
 _GAP = ".gap"
-#: A share of the most at which a line is not seen beside the others.
+#: A share of the most at which a line is invisible beside the others.
 _SEEN = 1e-3
 #: Deviations below are rounding [m].
 _ROUNDING = 1e-9

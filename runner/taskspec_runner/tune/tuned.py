@@ -283,9 +283,9 @@ def _verified(
     rates, failed = [], []
     wrong: tuple[str, ...] = ()
     for setting in settings:
-        asked = searcher.question(setting, {})
+        whole_question = searcher.question(setting, {})
         questions = [
-            replace(asked, trials=Trials(False, 0, seed, tuple((seed, i) for i in part)))
+            replace(whole_question, trials=Trials(False, 0, seed, tuple((seed, i) for i in part)))
             for part in parts
         ]
         done = list(executor.map(evaluate, questions) if executor else map(evaluate, questions))
