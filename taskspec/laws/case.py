@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import field
 
 import casadi as ca
 
@@ -15,6 +16,7 @@ from taskspec.geometry.axis import Axis
 from taskspec.laws import coupled
 from taskspec.laws.gains import Gains, diagonal, pairs_of
 from taskspec.laws.multipliers import Multipliers
+from taskspec.laws.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +50,7 @@ class FreeDirections:
     rate: float
 
 
-def _nothing(name: str) -> ca.SX:
+def _nothing(name: str, length: int = 1) -> ca.SX:  # noqa: ARG001
     raise LookupError(name)
 
 
@@ -75,8 +77,10 @@ class Case:
         carried: (m,) velocity that the axes have by what carries their frame; None for none.
         left: (m,) velocities that the joints were commanded last, and whether limits had taken
             from them; None where no program keeps limits.
-        remembered: what the tick before kept in the slot of a name, 0 as the stage begins; what
-            is kept now is the command's `memory`.
+        bias: (n,) C q' + g [N m].
+        uncertainty: bounds of what the model lacks, for a sliding term.
+        remembered: what the tick before kept in the slot of a name, one number or so many, 0 as
+            the stage begins; what is kept now is the command's `memory`.
     """
 
     state: TaskState
@@ -93,7 +97,9 @@ class Case:
     period: float = 0.0
     carried: ca.SX | None = None
     left: tuple[ca.SX, ca.SX] | None = None
-    remembered: Callable[[str], ca.SX] = _nothing
+    bias: ca.SX | None = None
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    remembered: Callable[..., ca.SX] = _nothing
 
     def gain(self, name: str, axis: Axis) -> float:
         """One gain on one axis [SI]."""

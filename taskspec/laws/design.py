@@ -13,7 +13,16 @@ from dataclasses import replace
 from typing import Protocol
 
 from taskspec.deferred import ca
-from taskspec.laws.gains import FORCE_MASS, AxisDesign, AxisPlant, Gain, LawGain, is_number
+from taskspec.laws.gains import (
+    FORCE_MASS,
+    SLIDING_GAIN,
+    SLIDING_LAYER,
+    AxisDesign,
+    AxisPlant,
+    Gain,
+    LawGain,
+    is_number,
+)
 
 SMALLEST_MASS = {"linear": 1.0, "angular": 0.05}
 _MOTION_BANDWIDTH = 5.0
@@ -60,12 +69,13 @@ def accelerations(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:
     bandwidth = axis.of_the_law("bandwidth") or Gain(_MOTION_BANDWIDTH, "designed: 5 Hz")
     ratio = axis.of_the_law("damping_ratio") or Gain(1.0, "designed: 1")
     w = 2 * math.pi * bandwidth.value
+    sliding = {gain.name: axis.of_the_law(gain.name) for gain in (SLIDING_LAYER, SLIDING_GAIN)}
     return {
         "bandwidth": bandwidth,
         "damping_ratio": ratio,
         "K_P": Gain(w**2, "(2 pi bandwidth)^2"),
         "K_D": Gain(2 * ratio.value * w, "2 damping_ratio 2 pi bandwidth"),
-    }
+    } | {name: gain for name, gain in sliding.items() if gain is not None}
 
 
 def springs(law: DesignedLaw, axis: AxisDesign) -> dict[str, Gain]:

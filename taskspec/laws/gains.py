@@ -67,6 +67,10 @@ FORCE_DAMPING = LawGain("force.damping", units.DAMPING)
 #: The apparent mass of a force axis that shall not give way with the arm's own.
 FORCE_MASS = LawGain("force.mass", units.MASS)
 
+#: Of sliding: s = e' + L e within which the sliding term is linear, and the most of that term.
+SLIDING_LAYER = LawGain("sliding.layer", units.VELOCITY)
+SLIDING_GAIN = LawGain("sliding.gain", units.LINEAR_ACCELERATION)
+
 
 def is_number(value: object) -> bool:
     """Whether the value of a gain is a number, not an expression of what it varies by."""

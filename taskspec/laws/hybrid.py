@@ -15,6 +15,8 @@ from taskspec.laws.gains import (
     FORCE_PROPORTIONAL,
     K_D,
     K_P,
+    SLIDING_GAIN,
+    SLIDING_LAYER,
     STIFFNESS,
 )
 from taskspec.laws.law import ControlLaw, register
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 class Hybrid(ControlLaw):
     """Motion axes by acceleration, force axes and soft ones by force, (4.123).
 
-    Motion axis:         x'' = x''_d + K_D e' + K_P e.
+    Motion axis:         x'' = x''_d + K_D e' + K_P e, and what `sliding` adds to it.
     Along a normal:      x'' = x''_d + K_D e' + K_P e + h^-1 (f - f_r): a motion axis along a
         contact's normal yields to the surface that it meets. f_r is what the last stage held there,
         as it is released, and h^-1 the block of J H^-1 J^T that belongs to those axes.
@@ -44,7 +46,8 @@ class Hybrid(ControlLaw):
     title = "hybrid force/velocity control in a task frame"
     equations = "section 4.3.3, (4.123)"
     gains = (BANDWIDTH, DAMPING_RATIO, FORCE_PROPORTIONAL, FORCE_INTEGRAL, FORCE_DAMPING)
-    derived = (K_P, K_D, STIFFNESS, DAMPING, FORCE_MASS)
+    slides = True
+    derived = (K_P, K_D, STIFFNESS, DAMPING, FORCE_MASS, SLIDING_LAYER, SLIDING_GAIN)
     mechanism_form = True
     force_loop = True
     selects = True
@@ -67,6 +70,11 @@ class Hybrid(ControlLaw):
         if rows:
             h_inverse, u = _apparent(case, rows), case.column(drives.values())
             acceleration[rows] = reference.acceleration[rows] + h_inverse @ (u + state.f[rows])
+        if case.gains.get(SLIDING_LAYER.name):
+            # Loaded here: it needs CasADi, which a file that is only read does not.
+            from taskspec.laws import sliding
+
+            acceleration += sliding.term(case, acceleration)
         return Command(acceleration=acceleration, wrench=-state.f)
 
 

@@ -45,6 +45,7 @@ class ControlLaw(ABC):
         bare: it compensates nothing, not even gravity, and follows no goal in the null space.
         multipliers: its forces are multipliers of constraints: force axes and equations alike.
         mechanism_form: it has a form for a held mechanism, which takes no measured force off.
+        slides: its motion axes may have a sliding term, see `laws.sliding`.
         undamped: where damping comes from, of a law that damps no axis; else empty.
         rest: equation of the force that its springs come to rest with.
         storage: its storage function in words, of which `energy` has the terms; empty without one.
@@ -71,6 +72,7 @@ class ControlLaw(ABC):
     bare: ClassVar[bool] = False
     multipliers: ClassVar[bool] = False
     mechanism_form: ClassVar[bool] = False
+    slides: ClassVar[bool] = False
     undamped: ClassVar[str] = ""
     rest: ClassVar[str] = "K e"
     storage: ClassVar[str] = ""
@@ -98,6 +100,15 @@ class ControlLaw(ABC):
     def holds_null_space(self) -> bool:
         """Whether it follows a goal in the null space of a redundant arm."""
         return not (self.bare or self.damps_joints)
+
+    @property
+    def observes_disturbances(self) -> bool:
+        """Whether a disturbance observer may stand beside it.
+
+        It commands torques that carry the arm, and leaves all other forces to be measured at the
+        tool: those of multipliers follow from the same torques.
+        """
+        return self.commands == "torque" and not (self.bare or self.multipliers)
 
     @property
     def soft_axes(self) -> bool:

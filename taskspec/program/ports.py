@@ -67,8 +67,10 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
-def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> Fields:
-    """The outputs of a task's stages; last are those of equations, joints, gains and params.
+def fields(
+    equations: int, followed: int = 0, gains: int = 0, live: int = 0, observed: int = 0
+) -> Fields:
+    """The outputs of a task's stages; last those of equations, joints, gains, params, observers.
 
     Args:
         equations: how many there are. Each has a set point, a measurement, the distance of the
@@ -76,6 +78,7 @@ def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> 
         followed: joints that follow references in a stage; 0 where none has a path of joints.
         gains: how many of any stage vary.
         live: params that may be set while a stage runs.
+        observed: joints whose disturbance is estimated in a stage; 0 where none is.
     """
     on_equations = ("reaction_ref", "reaction", "gap_ref", "reaction_residual")
     return (
@@ -85,13 +88,15 @@ def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> 
         ("joint_ref", followed),
         *((("gain", gains),) if gains else ()),
         *((("param", live),) if live else ()),
+        *((("disturbance", observed),) if observed else ()),
     )
 
 
 def fields_of(task: Task, joints: int) -> Fields:
     """The outputs of the stages of a task, of an arm with some joints."""
     followed = joints if task.in_joints else 0
-    return fields(len(task.equations), followed, len(task.varying_gains), len(task.live))
+    live, observed = len(task.live), joints if task.observes else 0
+    return fields(len(task.equations), followed, len(task.varying_gains), live, observed)
 
 
 def now_at_start(task: Task) -> NDArray[np.float64]:
@@ -136,6 +141,11 @@ HANDED: Fields = (
     *(("p", 3), ("R", 9), ("twist", 6), ("held", 6), ("commanded", 6)),
     *(("angle", 1), ("same", 1), ("track", 9), ("tracks", 1)),
 )
+
+
+def handed_of(task: Task, joints: int) -> Fields:
+    """`HANDED`, and where the task has a disturbance observer its estimate."""
+    return (*HANDED, *((("disturbance", joints),) if task.observes else ()))
 
 
 @dataclass(frozen=True, slots=True)

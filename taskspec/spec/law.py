@@ -19,11 +19,13 @@ from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
 from taskspec.laws.joint_velocity import JOINT_VELOCITY, JointVelocity
 from taskspec.laws.law import Solve, commanding
 from taskspec.spec.axis import AxisEntry
+from taskspec.spec.disturbance_observer import DisturbanceObserver
 from taskspec.spec.gains import AxisValues, GainField
 from taskspec.spec.model import Model, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import ForJoints
 from taskspec.spec.servo import PLURALS, TORQUE, VELOCITY, command_of
+from taskspec.spec.sliding import Sliding
 from taskspec.spec.words import Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
 register(
     {
         "TS140": "a law that commands what the robot does not take",
+        "TS143": "a sliding term or a disturbance observer where the law cannot have one",
         "TS206": "an unknown law",
         "TS207": "a gain that the law does not have",
         "TS213": "a goal in the null space under a law that leaves it alone",
@@ -115,6 +118,8 @@ class Law(Model):
         damping_ratio: of motion axes.
         dead_band: force error below which an axis is not moved [N, N*m].
         force: gains of the force loop.
+        sliding: what motion axes are held with against what the model lacks; None for nothing.
+        disturbance_observer: that takes off what pushes the arm; None for none.
         orientation: how orientation errors are measured.
         null_space: what a redundant arm does with the joints that the task leaves free; these
             goals are added up.
@@ -156,6 +161,8 @@ class Law(Model):
         None, title="Dead band of the force"
     )
     force: ForceGains | None = Field(None, title="Gains of the force loop")
+    sliding: Sliding | None = Field(None, title="Sliding term of the motion axes")
+    disturbance_observer: DisturbanceObserver | None = Field(None, title="Disturbance observer")
     orientation: Annotated[
         Literal["so3", "rpy", "zyz"], Word(("so3", "rpy", "zyz"), "orientation error")
     ] = Field("so3", title="Orientation error")
@@ -178,11 +185,16 @@ class Law(Model):
     def by_entry(self) -> dict[str, dict[str, float | Expression]]:
         """The gains that the file gives, by name and entry, numbers in SI units."""
         found: dict[str, dict[str, float | Expression]] = {}
-        for owner, names in ((self, _GAINS), (self.force, tuple(ForceGains.model_fields))):
+        owners: tuple[tuple[str, Model | None, tuple[str, ...]], ...] = (
+            ("", self, _GAINS),
+            ("force.", self.force, tuple(ForceGains.model_fields)),
+            ("sliding.", self.sliding, ("layer", "gain")),
+        )
+        for prefix, owner, names in owners:
             for name in names if owner is not None else ():
                 values: AxisValues | None = getattr(owner, name)
                 if values is not None:
-                    found[name if owner is self else f"force.{name}"] = values.entries
+                    found[f"{prefix}{name}"] = values.entries
         return found
 
     @property
@@ -366,6 +378,7 @@ class Law(Model):
                 "laws that do not: "
                 + ", ".join(commanding(LAWS[kind].commands, lambda law: law.holds_null_space)),
             )
+        _check_robust(kind, data, context)
         has = LAWS[kind].gain_names
         force = mapping(data.get("force"))
         given = [(key, data) for key in _GAINS if key in data]
@@ -389,16 +402,20 @@ JOINT_LAWS: dict[str, ComputedTorque | JointVelocity] = {
 }
 
 
-def joint_law(command: str, solve: Solve) -> Law:
+def joint_law(command: str, law: Law) -> Law:
     """The law of a stage with a path of joints of an arm that is commanded so.
 
     Args:
         command: what the joints take.
-        solve: how the file's law becomes what they are commanded.
+        law: the file's, whose observer and whose way to what they are commanded it has.
     """
     if command == "torque":
-        return Law.model_construct(kind=COMPUTED_TORQUE.kind, solve=ControlLaw.solve)
-    return Law.model_construct(kind=JOINT_VELOCITY.kind, solve=solve)
+        return Law.model_construct(
+            kind=COMPUTED_TORQUE.kind,
+            solve=ControlLaw.solve,
+            disturbance_observer=law.disturbance_observer,
+        )
+    return Law.model_construct(kind=JOINT_VELOCITY.kind, solve=law.solve)
 
 
 def default_law(context: ParseContext) -> str:
@@ -412,6 +429,32 @@ def law_of(data: object, context: ParseContext) -> str | None:
     if kind is None:
         return default_law(context)
     return str(kind) if isinstance(kind, Text | str) and kind in LAWS else None
+
+
+def _check_robust(kind: str, data: Map, context: ParseContext) -> None:
+    """Reports a sliding term, or a disturbance observer, that the law cannot have."""
+    law = LAWS[kind]
+    slides = [name for name, each in LAWS.items() if each.slides]
+    observing = commanding(TORQUE, lambda each: each.observes_disturbances)
+    if "sliding" in data and not law.slides:
+        hint = f"laws that have one: {', '.join(slides)}"
+        if law.observes_disturbances:
+            hint += "; or 'disturbance_observer' in its place"
+        why = "its axes have no acceleration of their own that a sliding term could be added to"
+        span = data.node.key_span("sliding")
+        context.error("TS143", f"the law '{kind}' does not slide: {why}", span, hint)
+    if "disturbance_observer" in data and not law.observes_disturbances:
+        span, hint = data.node.key_span("disturbance_observer"), "laws beside which one may stand: "
+        text = f"the law '{kind}' has no disturbance observer: {_why_unobserved(law)}"
+        context.error("TS143", text, span, hint + ", ".join(observing))
+
+
+def _why_unobserved(law: ControlLaw) -> str:
+    if law.commands != TORQUE:
+        return "it commands velocities, and the servo that follows them holds against pushes"
+    if law.bare:
+        return "it leaves the arm's weight to a counterweight, and all of it would be a disturbance"
+    return "the forces of its constraints follow from the same torques, and would be taken off"
 
 
 def _check_command(kind: str, data: Map, context: ParseContext) -> None:

@@ -175,6 +175,12 @@ class Task(Model):
         return live_params(self.params)
 
     @property
+    def observes(self) -> bool:
+        """Whether the law of any stage has a disturbance observer."""
+        laws = [self.law, *(stage.law for stage in self.stages.values())]
+        return any(law is not None and law.disturbance_observer is not None for law in laws)
+
+    @property
     def varying_gains(self) -> tuple[tuple[str, str], ...]:
         """The gains that vary in any of its stages, by name and entry, in the order of the log."""
         laws = [self.law, *(stage.law for stage in self.stages.values() if stage.law is not None)]

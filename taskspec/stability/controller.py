@@ -22,10 +22,9 @@ from taskspec.program.bound import BoundFunction, evaluated
 from taskspec.program.context import Context
 from taskspec.program.execution.choice import Chooser
 from taskspec.program.execution.tracks import Tracks
-from taskspec.program.ports import LAW, now_at_start, slices
+from taskspec.program.ports import LAW, handed_of, now_at_start, slices
 from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.slowed_path import AT, TIME
-from taskspec.program.stages.hand_over import SIZE
 from taskspec.program.stages.stage import FROZEN, CompiledStage
 from taskspec.program.world import estimated_frames
 from taskspec.robot.model_terms import PinocchioTerms
@@ -117,8 +116,9 @@ class Operating:
             for g in (context.frames[f.estimated_in],)
         }
         entry = stage.entry
+        size = sum(n for _, n in handed_of(context.loaded.task, context.robot.n))
         handed = np.concatenate(
-            [context.start_p, context.start_R.ravel(order="F"), np.zeros(SIZE - 12)]
+            [context.start_p, context.start_R.ravel(order="F"), np.zeros(size - 12)]
         )
         given = [np.concatenate([np.zeros(0), *(poses[name] for name in entry.poses)])]
         given.append(stage.gains)

@@ -37,11 +37,11 @@ from taskspec.program.ports import (
     INTERNAL,
     fields_of,
     first_live,
+    handed_of,
     now_at_start,
     slices,
 )
 from taskspec.program.reference.axis_plan import not_finite
-from taskspec.program.stages import hand_over
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.estimated_frames import Estimates
 from taskspec.robot import RobotModel
@@ -98,7 +98,7 @@ class Machine:
         live: these params.
         estimation: what is measured for later stages.
         counts: which stage follows an event, and how often stages have been entered.
-        handed: the numbers of `HANDED`, as the current stage got them.
+        handed: the numbers of `handed_of`, as the current stage got them.
         torque: (n,) the command [N m].
         applied: (n,) that of the tick before, while a tick is made [N m].
         earlier: (n,) the one before that.
@@ -138,7 +138,7 @@ class Machine:
         self.live = LiveParams(task.live, self.now, first_live(task))
         self._moves = bool(self.live)
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
-        self.handed = np.zeros(hand_over.SIZE)
+        self.handed = np.zeros(sum(length for _, length in handed_of(task, robot.n)))
         self.applied, self.earlier, self.last = np.zeros((3, len(self.torque)))
         # Memory gives and takes a number in half the time that an array does.
         self._now: Any = self.now.data

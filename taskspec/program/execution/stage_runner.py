@@ -53,7 +53,7 @@ class StageRunner:
         Args:
             stage: which.
             inputs: of its tick before memory and parameters.
-            handed: what is handed from stage to stage, the numbers of `HANDED`.
+            handed: what is handed from stage to stage, the numbers of `handed_of`.
             torque, outputs: that its tick writes.
             last: (n,) torque of the stage before.
             own: makes the solver that is tried first.

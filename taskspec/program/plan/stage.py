@@ -114,7 +114,7 @@ class StagePlan:
         if self.spec.path is None or self.spec.path.joints is None:
             return law
         if self.spec.law is None and not active_equations(law, self.spec, self.context.equations):
-            return joint_law(self.context.drives.commands, law.solve)
+            return joint_law(self.context.drives.commands, law)
         return law.model_copy(update={"orientation": "so3"})  # No axis turns by its angles.
 
     @cached_property

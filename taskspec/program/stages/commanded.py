@@ -12,9 +12,11 @@ from taskspec.control import resolution
 from taskspec.control.command import Command
 from taskspec.deferred_methods import dataclass
 from taskspec.laws.case import Case
+from taskspec.laws.disturbance import TORQUE, most, observe, pole
 from taskspec.laws.energy import Energy
+from taskspec.laws.uncertainty import Uncertainty
 from taskspec.program.events import Condition
-from taskspec.program.last_commands import last_velocity
+from taskspec.program.last_commands import last_command, last_velocity
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import orientation
 from taskspec.program.reference.constraints import (
@@ -31,6 +33,7 @@ from taskspec.program.stages.free_directions import free_directions
 from taskspec.program.stages.multipliers import EquationForces, constrain, equation_forces
 from taskspec.program.stages.null_space import null_space_command
 from taskspec.robot.inverse_kinematics import turns_at
+from taskspec.spec import Law
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,17 +128,15 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         period=context.period,
         carried=carried,
         left=left,
+        bias=measurement.terms.bias,
+        uncertainty=Uncertainty() if law.sliding is None else law.sliding.bounds,
         remembered=measurement.memory.add,
     )
     measurement.table.situation.energies = partial(energies, plan, case)
-    wanted, terms = law.control_law.command(case), measurement.terms
-    if law.control_law.commands == "velocity":
-        closed_form = wanted.joint_velocity
-        if closed_form is None:
-            assert wanted.velocity is not None
-            closed_form = resolution.resolved(case.by_the_arm(wanted.velocity), state, posture)
-    else:
-        closed_form = resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)
+    wanted = law.control_law.command(case)
+    closed_form = _closed_form(law, measurement, case, wanted)
+    if law.disturbance_observer is not None:
+        wanted, closed_form = _observed(plan, measurement, case, wanted, closed_form)
     fading = carried_torque.fading(measurement.parameters, measurement.clock, closed_form.shape[0])
     if context.drives.positions:  # It is carried as what a period adds to a position.
         fading = fading / context.period
@@ -149,6 +150,37 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         closed_form + fading,
         conditions,
     )
+
+
+def _closed_form(law: Law, measurement: Measurement, case: Case, wanted: Command) -> ca.SX:
+    """What the joints are commanded (n,), torques or velocities."""
+    terms, state, posture = measurement.terms, case.state, case.posture
+    if law.control_law.commands != "velocity":
+        return resolution.torque(wanted, state, terms.H, terms.bias, terms.gravity, posture)
+    if wanted.joint_velocity is not None:
+        return wanted.joint_velocity
+    assert wanted.velocity is not None
+    return resolution.resolved(case.by_the_arm(wanted.velocity), state, posture)
+
+
+def _observed(
+    plan: StagePlan, measurement: Measurement, case: Case, wanted: Command, torque: ca.SX
+) -> tuple[Command, ca.SX]:
+    """What a stage with a disturbance observer commands, with what that remembers."""
+    context, t, observer = plan.context, measurement.clock.t, plan.law.disturbance_observer
+    assert observer is not None
+    seen = observe(
+        case,
+        pole(observer.bandwidth, context.period),
+        ca.DM(most(observer.torque, context.robot.torque_limit)),
+        applied=last_command(context, measurement.parameters),
+        begins=t <= 0,
+    )
+    measurement.memory.add(TORQUE, context.robot.n)
+    measurement.table.situation.disturbance = seen.estimate
+    torque = torque + seen.torque
+    memory = {**wanted.memory, **seen.memory, TORQUE: torque}
+    return replace(wanted, memory=memory), torque
 
 
 def energies(plan: StagePlan, case: Case) -> Mapping[str, ca.SX]:

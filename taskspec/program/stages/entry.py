@@ -12,12 +12,13 @@ import casadi as ca
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.coupled import stretched
+from taskspec.laws.disturbance import ESTIMATE
 from taskspec.laws.gains import Gains, pairs_of, value_of
 from taskspec.modes import StageStart
 from taskspec.motion.path import PathPlan
 from taskspec.motion.polynomial import PiecewiseCubic
 from taskspec.program.plan import StagePlan
-from taskspec.program.ports import HANDED, PROBE, slices
+from taskspec.program.ports import PROBE, handed_of, slices
 from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.joint_reference import TIMING, joint_start
 from taskspec.program.reference.measurement import Measurement
@@ -33,8 +34,8 @@ class StageEntry:
     """The entry of a stage.
 
     Attributes:
-        function: the tick's inputs before memory and parameters, the numbers of `HANDED`, the poses
-            of estimated frames (12 each), gains -> memory, parameters, cubics (knots, then
+        function: the tick's inputs before memory and parameters, the numbers of `handed_of`, the
+            poses of estimated frames (12 each), gains -> memory, parameters, cubics (knots, then
             coefficients row after row, one after the other). It is at stage time 0.
         poses: parameters with the poses of estimated frames, in the order of that argument.
         gains: names and axes of the gains that are parameters, in the order of theirs.
@@ -98,12 +99,14 @@ class Entering:
         self.equations = tuple(measurement.rows)
         at_start = ca.vertcat(0, self.inputs.now[1:])
         self.given = [at_start, *self.inputs.symbols()[1:]]
-        self.handed = ca.SX.sym("handed", sum(length for _, length in HANDED))
-        handed = {name: self.handed[where] for name, where in slices(HANDED).items()}
+        given = handed_of(plan.context.loaded.task, plan.context.robot.n)
+        self.handed = ca.SX.sym("handed", sum(length for _, length in given))
+        handed = {name: self.handed[where] for name, where in slices(given).items()}
         self.p_ref, self.R_ref = handed["p"], ca.reshape(handed["R"], 3, 3)
         self.held, self.commanded = handed["held"], handed["commanded"]
         self.angle, self.same = handed["angle"], handed["same"]
         self.followed, self.follows = handed["track"], handed["tracks"]
+        self.disturbance = handed.get("disturbance")
         # From here on the reference's velocity is that against what carries the frame.
         self.twist, self.base = handed["twist"], self._base()
         if self.base is not None:
@@ -385,6 +388,8 @@ class Entering:
             for a in AXES[:3]:
                 first = going.start[a] + pressed[a] if a in going.start else zero
                 self._remember(f"last.{a}", first)
+        if ESTIMATE in self.memory:
+            self._remember(ESTIMATE, self.disturbance)
         for name, axis in self.plan.plans.items():
             slot = f"integral.{name}"
             if not axis.force or not axis.motion or name.is_rotation or slot not in self.memory:

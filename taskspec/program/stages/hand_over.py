@@ -18,12 +18,10 @@ _LEFT = (
     *("tip", "tip_rotation", "offset", "frame", "error"),
     *("velocity", "velocity_ref", "force", "force_ref"),
 )
-#: Numbers of what is handed over.
-SIZE = sum(length for _, length in HANDED)
 
 
 def leaving(plan: StagePlan) -> ca.Function:
-    """The hand-over of a stage: its outputs, the run time [s] -> the numbers of `HANDED`.
+    """The hand-over of a stage: its outputs, the run time [s] -> the numbers of `handed_of`.
 
     Axes with a force set point hand on where they were measured. Whether the next stage keeps track
     of the same mechanism is left to whoever knows it.
@@ -36,10 +34,14 @@ def leaving(plan: StagePlan) -> ca.Function:
     )
     axes = tuple(name.row for name in plan.plans)
     angles, context = representation_of(plan.law), plan.context
-    size = sum(n for _, n in fields_of(context.loaded.task, context.robot.n))
+    outputs = fields_of(context.loaded.task, context.robot.n)
+    size, observed = sum(n for _, n in outputs), (0, 0)
+    if context.loaded.task.observes:
+        own = plan.law.disturbance_observer is not None
+        observed = slices(outputs)["disturbance"].start if own else size, context.robot.n
     if plan.moving_base is None:
-        return _leaving_still(axes, forced, tracked, angles, size)
-    return _leaving(axes, forced, tracked, angles, size, plan.moving_base)
+        return _leaving_still(axes, forced, tracked, angles, size, observed)
+    return _leaving(axes, forced, tracked, angles, size, observed, plan.moving_base)
 
 
 def _leaving(
@@ -48,6 +50,7 @@ def _leaving(
     tracked: Sequence[int],
     angles: Representation | None,
     size: int,
+    observed: tuple[int, int],
     base: MovingBase | None = None,
 ) -> ca.Function:
     """What `leaving` gives.
@@ -57,6 +60,8 @@ def _leaving(
             point, and `tracked`, which hand on the reference of their motion.
         angles: in which the law measures orientation; None for the rotation vector.
         size: how many outputs there are.
+        observed: where they have the estimate of a disturbance, and how many numbers that is;
+            beyond the last of them where the stage has none.
         base: that carries the frame.
     """
     outputs, clock = ca.SX.sym("outputs", size), ca.SX.sym("clock")
@@ -87,7 +92,9 @@ def _leaving(
         "track": at["track"],
         "tracks": at["tracks"],
     }
-    found = ca.vertcat(*(values[name] for name, _ in HANDED))
+    first, count = observed
+    estimate = outputs[first : first + count] if first < size else ca.SX.zeros(count)
+    found = ca.vertcat(*(values[name] for name, _ in HANDED), estimate)
     return ca.Function("leaving", [outputs, clock], [ca.densify(found)])
 
 

@@ -50,6 +50,7 @@ def outputs(
     commanded: Commanded,
     limited: Resolved | None,
     followed: int,
+    observed: int,
 ) -> ca.SX:
     """A tick's outputs: the numbers of `ports.fields`.
 
@@ -59,6 +60,7 @@ def outputs(
         commanded: by the law.
         limited: the stage's programs; what comes of them is filled in later. None without any.
         followed: joints that have a reference in any stage.
+        observed: joints whose disturbance is estimated in any stage.
     """
     inputs, references = measurement.inputs, commanded.references
     six = references.six
@@ -106,6 +108,7 @@ def outputs(
         ca.SX.nan(followed) if joints is None else joints.position,
         _gains(measurement, commanded),
         ca.SX(0, 1) if measurement.clock.live is None else measurement.clock.live,
+        _disturbance(measurement, observed),
     )
 
 
@@ -135,6 +138,12 @@ def _gains(measurement: Measurement, commanded: Commanded) -> ca.SX:
             for name, on in measurement.varying_gains
         ),
     )
+
+
+def _disturbance(measurement: Measurement, observed: int) -> ca.SX:
+    """(observed,) torques that an observer estimates, NaN in a stage without one."""
+    found = measurement.table.situation.disturbance
+    return ca.SX.nan(observed) if found is None else found
 
 
 def _reactions(measurement: Measurement) -> ca.SX:

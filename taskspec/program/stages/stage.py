@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.expression import Expression
+from taskspec.laws.disturbance import TORQUE
 from taskspec.laws.gains import Gains
 from taskspec.program.errors import spec_error
 from taskspec.program.events import Condition, Event, code
@@ -134,12 +135,18 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     results = [
         torque,
         remembered,
-        outputs((number, value), measurement, commanded, limited, context.followed),
+        outputs(
+            (number, value), measurement, commanded, limited, context.followed, context.observed
+        ),
         limited.handed_over if limited else ca.SX(0, 1),
         closed_form,
     ]
     arguments = [*measurement.inputs.symbols(), memory.vector(), parameters.vector()]
     law = [commanded.closed_form, remembered, of_the_law(measurement, commanded)]
+    if TORQUE in memory:
+        # What is analysed commands nothing but the closed form, and knows it as a state.
+        applied = last_command(context, parameters)
+        law = ca.substitute(law, [applied], [memory.symbol(TORQUE)])
     own = ca.Function("own", arguments, [references.own, references.own_rate])
     at_entry = probe(arguments, measurement, commanded)
     initial = dict(measurement.algebra.initial)

@@ -1,0 +1,174 @@
+"""Sliding control of the motion axes of a hybrid law, within a boundary layer.
+
+With s = e' + L e on an axis, its motion loop e'' + K_D e' + K_P e = 0 of real roots L <= M reads
+s' = -M s. The sliding term adds K sat(s/phi) to it,
+
+    x'' = x''_d + K_D e' + K_P e + K sat(s / phi),    s' = -M s - K sat(s / phi) + delta,
+
+with delta [m/s^2] whatever the model lacks (Slotine and Li, Applied Nonlinear Control, 7.1-7.3).
+Where K >= |delta| no s leaves the layer |s| <= phi, one beyond comes into it at M phi at least, and
+
+    |e(t)| <= |e(0)| exp(-L t) + (1 - exp(-L t)) max(phi, |s(0)|) / L,
+
+which is phi/L from where a reference begins at rest at the tool on. Sampled, with the torque held
+over a period T, s goes by 1 - (M + K/phi) T from tick to tick: a thinner layer than
+K T / (1 - M T) is overshot by every tick, and one of half that is never reached.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from taskspec.control import linear
+from taskspec.deferred import ca
+from taskspec.deferred_methods import dataclass
+from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws.gains import value_of
+
+if TYPE_CHECKING:
+    from taskspec.laws.case import Case
+    from taskspec.laws.gains import Gains
+    from taskspec.laws.uncertainty import Uncertainty
+
+#: Of free fall [m/s^2].
+GRAVITY = 9.81
+#: What a root is taken beside, so that it has a derivative at 0.
+_TINY = 1e-12
+#: K is infinite, and with it nothing, where less than this is left of 1.
+_LEFT = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """The switching gain that reaches the layer, K_i = k sqrt((J H^-1 J^T)_ii).
+
+    An unknown torque y moves axis i by J_i H_true^-1 y. By the inequality of Cauchy and Schwarz,
+    in the metric of the inertia, that is at most sqrt(M_ii) |y|_(H^-1) / (1 - a), M = J H^-1 J^T:
+
+        k left = sqrt(w^T |M| w) + sqrt(t^T |H^-1| t) + m mu (g + |x''|) + a (|q''|_H + |n|_(H^-1)),
+        left = 1 - a - m mu^2 - a c,    mu^2 = tr M of translations,
+
+    with w, t, m, a of `Uncertainty`, n = C q' + g, and x'', q'' what is commanded without K. What
+    K itself commands moves the payload by k mu and the inertia by k c at most, c^2 = sum of
+    |M^-1|_ij sqrt(M_ii M_jj) over the axes that slide.
+
+    Attributes:
+        needed: k left [m/s^2 sqrt(kg)].
+        left: where it is not positive, no gain is enough.
+    """
+
+    needed: ca.SX
+    left: ca.SX
+
+    @property
+    def k(self) -> ca.SX:
+        """The gain, before it is scaled to axes."""
+        return self.needed / ca.fmax(self.left, _LEFT)
+
+
+def reach(case: Case, acceleration: ca.SX, bounds: Uncertainty) -> Reach:
+    """The least gain for these bounds.
+
+    Args:
+        case: the stage.
+        acceleration: (m,) what the law commands without the sliding term.
+        bounds: of what is not known.
+    """
+    state, a = case.state, bounds.inertia
+    M, L = state.mobility, state.H_factor
+    lengths = [i for i, axis in enumerate(state.axes) if not axis.is_rotation]
+    w = ca.DM([bounds.wrench.get(axis, 0.0) for axis in state.axes])
+    needed = _root(w.T @ ca.fabs(M) @ w)
+    if any(bounds.joint_torque):
+        n = case.joint_velocity.shape[0]
+        t = ca.DM([*bounds.joint_torque] * (n if len(bounds.joint_torque) == 1 else 1))
+        inverse = linear.solve(L, ca.SX.eye(n))
+        needed += _root(t.T @ ca.fabs(inverse) @ t)
+    left = ca.SX(1.0 - a)
+    if bounds.payload:
+        mu = ca.sqrt(sum(M[i, i] for i in lengths))
+        needed += bounds.payload * mu * (GRAVITY + _norm(acceleration[lengths]))
+        left -= bounds.payload * mu**2
+    if a:
+        factor, on = linear.cholesky(M), state.rows(sliding_axes(case.gains))
+        moved = _norm(linear.forward(factor, acceleration - state.drift))
+        if case.posture is not None:
+            moved += _norm(L.T @ case.posture)
+        needed += a * (moved + _norm(linear.forward(L, case.bias)))
+        Lambda = linear.solve(factor, ca.SX.eye(len(state.axes)))
+        roots = ca.vertcat(*(ca.sqrt(M[i, i]) for i in on))
+        left -= a * ca.sqrt(roots.T @ ca.fabs(Lambda[on, on]) @ roots)
+    return Reach(needed, left)
+
+
+def sliding_axes(gains: Gains) -> list[Axis]:
+    """The motion axes that have a layer."""
+    having = gains.get("sliding.layer", {})
+    return [axis for axis in AXES if axis in having]
+
+
+def slopes(K_P: float, K_D: float) -> tuple[float, float]:
+    """L and M [1/s], the roots of a motion loop of damping ratio 1 or more."""
+    apart = math.sqrt(max(K_D**2 - 4 * K_P, 0.0))
+    return (K_D - apart) / 2, (K_D + apart) / 2
+
+
+def term(case: Case, acceleration: ca.SX) -> ca.SX:
+    """K sat(s / phi) (m,) [m/s^2, rad/s^2], zero on axes without a layer.
+
+    Args:
+        case: the stage.
+        acceleration: (m,) what the law commands without it.
+    """
+    state, reference = case.state, case.reference
+    found = ca.SX.zeros(len(state.axes))
+    k = None
+    for axis in sliding_axes(case.gains):
+        i = state.axes.index(axis)
+        K_P, K_D = case.gain("K_P", axis), case.gain("K_D", axis)
+        slope = (K_D - ca.sqrt(ca.fmax(K_D**2 - 4 * K_P, 0))) / 2
+        s = reference.velocity[i] - state.velocity[i] + slope * reference.error[i]
+        if axis in case.gains.get("sliding.gain", {}):
+            gain = case.gain("sliding.gain", axis)
+        else:
+            if k is None:
+                k = reach(case, acceleration, case.uncertainty).k
+            gain = k * ca.sqrt(state.mobility[i, i])
+        found[i] = gain * ca.fmax(-1, ca.fmin(1, s / case.gain("sliding.layer", axis)))
+    return found
+
+
+def steps(gains: Gains, axis: Axis, K: float, period: float) -> float:
+    """(M + K/phi) T, the share of s that a tick takes off within the layer of an axis.
+
+    1 and less never overshoot; from 2 on it grows.
+
+    Args:
+        gains: of the stage.
+        axis: that slides.
+        K: its switching gain [m/s^2, rad/s^2].
+        period: T [s].
+    """
+    _, fast = slopes(value_of(gains, "K_P", axis), value_of(gains, "K_D", axis))
+    return (fast + K / value_of(gains, "sliding.layer", axis)) * period
+
+
+def least_layer(gains: Gains, axis: Axis, K: float, period: float) -> float:
+    """K T / (1 - M T), the thinnest layer that no tick overshoots [m/s, rad/s]."""
+    _, fast = slopes(value_of(gains, "K_P", axis), value_of(gains, "K_D", axis))
+    return K * period / max(1 - fast * period, _LEFT)
+
+
+def error_bound(gains: Gains, axis: Axis) -> float:
+    """phi / L, what the error of an axis never exceeds [m, rad]."""
+    slow, _ = slopes(value_of(gains, "K_P", axis), value_of(gains, "K_D", axis))
+    return value_of(gains, "sliding.layer", axis) / slow
+
+
+def _norm(vector: ca.SX) -> ca.SX:
+    return _root(ca.sumsqr(vector))
+
+
+def _root(square: ca.SX) -> ca.SX:
+    return ca.sqrt(square + _TINY)
