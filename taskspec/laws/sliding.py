@@ -18,6 +18,7 @@ K T / (1 - M T) is overshot by every tick, and one of half that is never reached
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from taskspec.control import linear
@@ -27,6 +28,7 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import value_of
 
 if TYPE_CHECKING:
+    from taskspec.control.state import TaskState
     from taskspec.laws.case import Case
     from taskspec.laws.gains import Gains
     from taskspec.laws.uncertainty import Uncertainty
@@ -67,35 +69,44 @@ class Reach:
         return self.needed / ca.fmax(self.left, _LEFT)
 
 
-def reach(case: Case, acceleration: ca.SX, bounds: Uncertainty) -> Reach:
+def reach(
+    state: TaskState,
+    bounds: Uncertainty,
+    slides: Sequence[Axis],
+    *,
+    acceleration: ca.SX,
+    bias: ca.SX,
+    posture: ca.SX | None,
+) -> Reach:
     """The least gain for these bounds.
 
     Args:
-        case: the stage.
-        acceleration: (m,) what the law commands without the sliding term.
+        state: the arm.
         bounds: of what is not known.
+        slides: the axes that slide.
+        acceleration: (m,) what the law commands without the sliding term.
+        bias: (n,) C q' + g [N m].
+        posture: (n,) acceleration of a redundant arm in its null space, else None.
     """
-    state, a = case.state, bounds.inertia
-    M, L = state.mobility, state.H_factor
+    M, L, a = state.mobility, state.H_factor, bounds.inertia
     lengths = [i for i, axis in enumerate(state.axes) if not axis.is_rotation]
     w = ca.DM([bounds.wrench.get(axis, 0.0) for axis in state.axes])
     needed = _root(w.T @ ca.fabs(M) @ w)
+    n = bias.shape[0]
     if any(bounds.joint_torque):
-        n = case.joint_velocity.shape[0]
         t = ca.DM([*bounds.joint_torque] * (n if len(bounds.joint_torque) == 1 else 1))
-        inverse = linear.solve(L, ca.SX.eye(n))
-        needed += _root(t.T @ ca.fabs(inverse) @ t)
+        needed += _root(t.T @ ca.fabs(linear.solve(L, ca.SX.eye(n))) @ t)
     left = ca.SX(1.0 - a)
     if bounds.payload:
-        mu = ca.sqrt(sum(M[i, i] for i in lengths))
+        mu = ca.sqrt(ca.trace(M[lengths, lengths]))
         needed += bounds.payload * mu * (GRAVITY + _norm(acceleration[lengths]))
         left -= bounds.payload * mu**2
     if a:
-        factor, on = linear.cholesky(M), state.rows(sliding_axes(case.gains))
+        factor, on = linear.cholesky(M), state.rows(slides)
         moved = _norm(linear.forward(factor, acceleration - state.drift))
-        if case.posture is not None:
-            moved += _norm(L.T @ case.posture)
-        needed += a * (moved + _norm(linear.forward(L, case.bias)))
+        if posture is not None:
+            moved += _norm(L.T @ posture)
+        needed += a * (moved + _norm(linear.forward(L, bias)))
         Lambda = linear.solve(factor, ca.SX.eye(len(state.axes)))
         roots = ca.vertcat(*(ca.sqrt(M[i, i]) for i in on))
         left -= a * ca.sqrt(roots.T @ ca.fabs(Lambda[on, on]) @ roots)
@@ -133,7 +144,11 @@ def term(case: Case, acceleration: ca.SX) -> ca.SX:
             gain = case.gain("sliding.gain", axis)
         else:
             if k is None:
-                k = reach(case, acceleration, case.uncertainty).k
+                assert case.bias is not None
+                k = reach(
+                    state, case.uncertainty, sliding_axes(case.gains),
+                    acceleration=acceleration, bias=case.bias, posture=case.posture,
+                ).k  # fmt: skip
             gain = k * ca.sqrt(state.mobility[i, i])
         found[i] = gain * ca.fmax(-1, ca.fmin(1, s / case.gain("sliding.layer", axis)))
     return found

@@ -223,6 +223,19 @@ def _joint_torque(at: Situation, number: str) -> ca.SX:
     return at.torque[int(number) - 1]
 
 
+@signal(
+    "disturbance",
+    MOMENT,
+    of=Index.JOINT,
+    output="disturbance",
+    reference="a reference cannot depend on an estimate that follows from it",
+    absent="its law has no disturbance observer",
+)
+def _joint_disturbance(at: Situation, number: str) -> ca.SX | None:
+    """What a law's disturbance observer estimates to push joint N beside the measured force."""
+    return None if at.disturbance is None else at.disturbance[int(number) - 1]
+
+
 @signal("visits", NUMBER, of=Index.STAGE, low=0.0, counted=True)
 def _visits(at: Situation, stage: str) -> ca.SX:
     """How often a stage has been entered."""

@@ -53,7 +53,6 @@ PROPOSED = (
     "bandwidth",
     "damping_ratio",
     "joint_damping",
-    "sliding.layer",
 )
 #: Those of them that make a force loop quick.
 QUICK_LOOP = ("force.integral", "force.proportional")

@@ -32,7 +32,12 @@ REWARD = "reward"
 #: Signals without axes that are the arm's alone, and of which the controller may be wrong.
 _OF_MOTION = ("tilt", "speed", "travel")
 #: What a joint's columns are of one that slides; of one that turns, what these are about an axis.
-_SLIDING = {"position": LENGTH, "velocity": VELOCITY, "torque": FORCE}
+_SLIDING = {
+    "position": LENGTH,
+    "velocity": VELOCITY,
+    "torque": FORCE,
+    "disturbance": FORCE,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -309,8 +314,11 @@ def _of_joints(robot: RobotModel, task: Task) -> Iterator[Column]:
         beside += [(task.robot.command, "command", "command"), ("position", "servo", "servo")]
     for i, turns in enumerate(robot.hinges):
         units = {name: si_unit(each.on(rotation=turns)) for name, each in _SLIDING.items()}
-        for name in JOINT:
-            yield Column(f"joint.{i + 1}.{name}", units[name], "")
+        for name, signal in JOINT.items():
+            if not signal.output:
+                yield Column(f"joint.{i + 1}.{name}", units[name], "")
+            elif task.observes:
+                yield Column(f"joint.{i + 1}.{name}", units[name], signal.output, i)
         for name, suffix, field in beside:
             yield Column(f"joint.{i + 1}.{name}.{suffix}", units[name], field, i)
 
