@@ -43,30 +43,35 @@ _LEFT = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """The switching gain that reaches the layer, K_i = k sqrt((J H^-1 J^T)_ii).
+    """The switching gains that reach the layer, K_i = D_i + R sqrt(M_ii), M = J H^-1 J^T.
 
-    An unknown torque y moves axis i by J_i H_true^-1 y. By the inequality of Cauchy and Schwarz,
-    in the metric of the inertia, that is at most sqrt(M_ii) |y|_(H^-1) / (1 - a), M = J H^-1 J^T:
+    D_i = sum_j |M_ij| w_j + sum_k |J H^-1|_ik t_k is what wrenches w and joint torques t move axis
+    i by at most. A payload m then pushes with its weight and inertia, and the inertia of the arm is
+    another; what such an unknown torque y moves by is |J_i H_true^-1 y| <= sqrt(M_ii) |y| in the
+    metric of H_true^-1 (Cauchy and Schwarz). With a of `Uncertainty` and beta = a / (1 - a)
 
-        k left = sqrt(w^T |M| w) + sqrt(t^T |H^-1| t) + m mu (g + |x''|) + a (|q''|_H + |n|_(H^-1)),
-        left = 1 - a - m mu^2 - a c,    mu^2 = tr M of translations,
+        R left = beta B (1 + kappa mu) + kappa (g + |x''| + 2 |D|),
+        left = 1 - beta c - kappa mu (1 + beta c),
+        kappa^2 = m^2 l / ((1 - a) + m l),    B = |q''|_H + |n|_(H^-1) + |y|_(H^-1) + |D|_Lambda,
 
-    with w, t, m, a of `Uncertainty`, n = C q' + g, and x'', q'' what is commanded without K. What
-    K itself commands moves the payload by k mu and the inertia by k c at most, c^2 = sum of
-    |M^-1|_ij sqrt(M_ii M_jj) over the axes that slide.
+    where l bounds the eigenvalues of M of translations, n = C q' + g, and x'', q'' are commanded
+    without K. What K commands moves the payload by |D| + mu R and the arm by |D|_Lambda + c R, with
+    mu^2 = sum of M_ii and c^2 = sum of |M^-1|_ij sqrt(M_ii M_jj) over axes that slide.
 
     Attributes:
-        needed: k left [m/s^2 sqrt(kg)].
+        direct: (m,) D [m/s^2, rad/s^2].
+        needed: R left [m/s^2 sqrt(kg)].
         left: where it is not positive, no gain is enough.
     """
 
+    direct: ca.SX
     needed: ca.SX
     left: ca.SX
 
-    @property
-    def k(self) -> ca.SX:
-        """The gain, before it is scaled to axes."""
-        return self.needed / ca.fmax(self.left, _LEFT)
+    def gains(self, state: TaskState) -> ca.SX:
+        """K (m,) [m/s^2, rad/s^2]."""
+        R = self.needed / ca.fmax(self.left, _LEFT)
+        return self.direct + R * ca.sqrt(ca.diag(state.mobility))
 
 
 def reach(
@@ -78,7 +83,7 @@ def reach(
     bias: ca.SX,
     posture: ca.SX | None,
 ) -> Reach:
-    """The least gain for these bounds.
+    """The least gains for these bounds.
 
     Args:
         state: the arm.
@@ -88,29 +93,36 @@ def reach(
         bias: (n,) C q' + g [N m].
         posture: (n,) acceleration of a redundant arm in its null space, else None.
     """
-    M, L, a = state.mobility, state.H_factor, bounds.inertia
+    M, L, a, n = state.mobility, state.H_factor, bounds.inertia, bias.shape[0]
+    on = state.rows(slides)
     lengths = [i for i, axis in enumerate(state.axes) if not axis.is_rotation]
     w = ca.DM([bounds.wrench.get(axis, 0.0) for axis in state.axes])
-    needed = _root(w.T @ ca.fabs(M) @ w)
-    n = bias.shape[0]
-    if any(bounds.joint_torque):
-        t = ca.DM([*bounds.joint_torque] * (n if len(bounds.joint_torque) == 1 else 1))
-        needed += _root(t.T @ ca.fabs(linear.solve(L, ca.SX.eye(n))) @ t)
-    left = ca.SX(1.0 - a)
-    if bounds.payload:
-        mu = ca.sqrt(ca.trace(M[lengths, lengths]))
-        needed += bounds.payload * mu * (GRAVITY + _norm(acceleration[lengths]))
-        left -= bounds.payload * mu**2
+    given = bounds.joint_torque or (0.0,)
+    t = ca.DM([*given] * (n if len(given) == 1 else 1))
+    D, none = ca.fabs(M) @ w, ca.SX(0)
+    if any(given):
+        D += ca.fabs(linear.solve(L, state.J.T).T) @ t
+    beta_B = beta_c = kappa = kappa_mu = push = none
     if a:
-        factor, on = linear.cholesky(M), state.rows(slides)
-        moved = _norm(linear.forward(factor, acceleration - state.drift))
+        beta, factor = a / (1 - a), linear.cholesky(M)
+        B = _norm(linear.forward(factor, acceleration - state.drift)) + _root(w.T @ ca.fabs(M) @ w)
+        B += _norm(linear.forward(L, bias))
         if posture is not None:
-            moved += _norm(L.T @ posture)
-        needed += a * (moved + _norm(linear.forward(L, bias)))
-        Lambda = linear.solve(factor, ca.SX.eye(len(state.axes)))
-        roots = ca.vertcat(*(ca.sqrt(M[i, i]) for i in on))
-        left -= a * ca.sqrt(roots.T @ ca.fabs(Lambda[on, on]) @ roots)
-    return Reach(needed, left)
+            B += _norm(L.T @ posture)
+        if any(given):
+            B += _root(t.T @ ca.fabs(linear.solve(L, ca.SX.eye(n))) @ t)
+        Lambda = ca.fabs(linear.solve(factor, ca.SX.eye(len(state.axes))))[on, on]
+        roots = ca.sqrt(ca.diag(M)[on])
+        beta_B = beta * (B + _root(D[on].T @ Lambda @ D[on]))
+        beta_c = beta * ca.sqrt(roots.T @ Lambda @ roots)
+    if bounds.payload:
+        m, block = bounds.payload, M[lengths, lengths]
+        most = ca.fmin(ca.trace(block), ca.mmax(ca.sum2(ca.fabs(block))))
+        kappa = m * ca.sqrt(most / ((1 - a) + m * most))
+        kappa_mu = kappa * ca.sqrt(sum(M[i, i] for i in on if i in lengths))
+        push = kappa * (GRAVITY + _norm(acceleration[lengths]) + 2 * _norm(D[lengths]))
+    needed = beta_B * (1 + kappa_mu) + push
+    return Reach(D, needed, 1 - beta_c - kappa_mu * (1 + beta_c))
 
 
 def sliding_axes(gains: Gains) -> list[Axis]:
@@ -134,7 +146,7 @@ def term(case: Case, acceleration: ca.SX) -> ca.SX:
     """
     state, reference = case.state, case.reference
     found = ca.SX.zeros(len(state.axes))
-    k = None
+    K = None
     for axis in sliding_axes(case.gains):
         i = state.axes.index(axis)
         K_P, K_D = case.gain("K_P", axis), case.gain("K_D", axis)
@@ -143,13 +155,13 @@ def term(case: Case, acceleration: ca.SX) -> ca.SX:
         if axis in case.gains.get("sliding.gain", {}):
             gain = case.gain("sliding.gain", axis)
         else:
-            if k is None:
+            if K is None:
                 assert case.bias is not None
-                k = reach(
+                K = reach(
                     state, case.uncertainty, sliding_axes(case.gains),
                     acceleration=acceleration, bias=case.bias, posture=case.posture,
-                ).k  # fmt: skip
-            gain = k * ca.sqrt(state.mobility[i, i])
+                ).gains(state)  # fmt: skip
+            gain = K[i]
         found[i] = gain * ca.fmax(-1, ca.fmin(1, s / case.gain("sliding.layer", axis)))
     return found
 

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from taskspec.control.state import task_state
-from taskspec.geometry.axis import AXES, Axis
+from taskspec.geometry.axis import Axis
 from taskspec.laws import disturbance, sliding
 from taskspec.laws.gains import SLIDING_GAIN, SLIDING_LAYER, value_of
 from taskspec.program.plan import StagePlan
@@ -85,7 +85,7 @@ def layers(stage: StagePlan) -> Iterator[Finding]:
     axes = sliding.sliding_axes(stage.gains)
     if slides is None or stage.joint_path is not None or not axes:
         return
-    needed, left = _reach(stage)
+    wanted, left = _reach(stage)
     if left <= 0:
         yield error(
             "TS352",
@@ -96,9 +96,8 @@ def layers(stage: StagePlan) -> Iterator[Finding]:
             unless=("TS352",),
         )
         return
-    mobility = np.diag(stage.kinematics.mobility)
     for axis in axes:
-        least = needed / left * math.sqrt(mobility[AXES.index(axis)])
+        least = wanted[axis]
         K = value_of(stage.gains, SLIDING_GAIN.name, axis) or least
         if least > K:
             yield _short(stage, axis, K, least)
@@ -107,8 +106,8 @@ def layers(stage: StagePlan) -> Iterator[Finding]:
             yield _thin(stage, axis, K, steps)
 
 
-def _reach(stage: StagePlan) -> tuple[float, float]:
-    """What the gain at rest, at the start pose, is made of; see `laws.sliding.Reach`."""
+def _reach(stage: StagePlan) -> tuple[dict[Axis, float], float]:
+    """The least gains by axis, at rest at the start pose, and what `laws.sliding.Reach` has left."""
     context, slides, n = stage.context, stage.law.sliding, stage.context.robot.n
     assert slides is not None
     state = task_state(
@@ -129,8 +128,8 @@ def _reach(stage: StagePlan) -> tuple[float, float]:
         bias=ca.SX(context.start_gravity),
         posture=ca.SX.zeros(n),
     )
-    needed, left = (float(ca.evalf(value)) for value in (found.needed, found.left))
-    return needed, left
+    K = np.array(ca.evalf(found.gains(state))).ravel()
+    return dict(zip(stage.axes, map(float, K), strict=True)), float(ca.evalf(found.left))
 
 
 def _short(stage: StagePlan, axis: Axis, K: float, least: float) -> Finding:
