@@ -11,8 +11,8 @@ Where K >= |delta| no s leaves the layer |s| <= phi, one beyond comes into it at
     |e(t)| <= |e(0)| exp(-L t) + (1 - exp(-L t)) max(phi, |s(0)|) / L,
 
 which is phi/L from where a reference begins at rest at the tool on. Sampled, with the torque held
-over a period T, s goes by 1 - (M + K/phi) T from tick to tick: a thinner layer than
-K T / (1 - M T) is overshot by every tick, and one of half that is never reached.
+over a period T, s goes by 1 - (M + K/phi) T (1 + L T) from tick to tick: within a layer thinner
+than what makes that 0 every tick overshoots s = 0, and where it is below -1 no s comes to rest.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def term(case: Case, acceleration: ca.SX) -> ca.SX:
 
 
 def steps(gains: Gains, axis: Axis, K: float, period: float) -> float:
-    """(M + K/phi) T, the share of s that a tick takes off within the layer of an axis.
+    """(M + K/phi) T (1 + L T), the share of s that a tick takes off within the layer of an axis.
 
     1 and less never overshoot; from 2 on it grows.
 
@@ -177,14 +177,16 @@ def steps(gains: Gains, axis: Axis, K: float, period: float) -> float:
         K: its switching gain [m/s^2, rad/s^2].
         period: T [s].
     """
-    _, fast = slopes(value_of(gains, "K_P", axis), value_of(gains, "K_D", axis))
-    return (fast + K / value_of(gains, "sliding.layer", axis)) * period
+    slow, fast = slopes(value_of(gains, "K_P", axis), value_of(gains, "K_D", axis))
+    taken = fast + K / value_of(gains, "sliding.layer", axis)
+    return taken * period * (1 + slow * period)
 
 
 def least_layer(gains: Gains, axis: Axis, K: float, period: float) -> float:
-    """K T / (1 - M T), the thinnest layer that no tick overshoots [m/s, rad/s]."""
-    _, fast = slopes(value_of(gains, "K_P", axis), value_of(gains, "K_D", axis))
-    return K * period / max(1 - fast * period, _LEFT)
+    """The thinnest layer that no tick overshoots [m/s, rad/s]; arguments as of `steps`."""
+    slow, fast = slopes(value_of(gains, "K_P", axis), value_of(gains, "K_D", axis))
+    T = period * (1 + slow * period)
+    return K * T / max(1 - fast * T, _LEFT)
 
 
 def error_bound(gains: Gains, axis: Axis) -> float:
