@@ -219,15 +219,18 @@ def test_the_estimate_goes_on_into_the_next_stage_and_begins_anew_after_one_with
     )
     text += "truth: {faults: [{torque: bias 1 N*m, joint: 2, at: 0 s}]}\n"
     made = simulate(text)
-    d, stage = joints(made, "disturbance")[:, 1], made["stage"]
-    at = {name: int(np.flatnonzero(stage == name)[0]) for name in dict.fromkeys(stage)}
-    assert [*at] == ["first", "second", "plain", "again"]
-    assert d[at["second"]] == d[at["second"] - 1] != 0
-    assert np.all(np.isnan(d[at["plain"] : at["again"]]))
-    assert d[at["again"]] == 0.0
-    torque = joints(made, "torque")
-    # 1 N·m of the observer's 1 N·m: the command makes no step where it goes on.
-    assert np.max(np.abs(np.diff(torque, axis=0)[at["second"] - 1])) < 0.01
+    d, torque = joints(made, "disturbance"), joints(made, "torque")
+    rows = {
+        name: np.flatnonzero(made.history.window(name))
+        for name in ("first", "second", "plain", "again")
+    }
+    starts = {name: int(found[0]) for name, found in rows.items()}
+    assert np.array_equal(d[starts["second"]], d[starts["second"] - 1])
+    assert d[starts["second"], 1] == pytest.approx(1.0, rel=1e-3)
+    assert np.all(np.isnan(d[rows["plain"]]))
+    assert np.all(d[starts["again"]] == 0.0)
+    # The command makes no step where the estimate goes on.
+    assert np.max(np.abs(np.diff(torque, axis=0)[starts["second"] - 1])) < 0.01
 
 
 def sliding_file(rng):
