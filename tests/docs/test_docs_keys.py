@@ -13,6 +13,7 @@ from taskspec.spec import Law, Robot, Task
 from taskspec.spec.axis import Rotation, Translation
 from taskspec.spec.bushing import Bushing, SixBySix
 from taskspec.spec.control import Control
+from taskspec.spec.disturbance_observer import DisturbanceObserver
 from taskspec.spec.equation import EquationObject, JointEquation, RotationEquation
 from taskspec.spec.fault import Fault
 from taskspec.spec.followed import Followed
@@ -52,6 +53,7 @@ from taskspec.spec.reward import Reward
 from taskspec.spec.robot import Flange, Noise, Payload, Pose, Sensor, Start, Tool
 from taskspec.spec.servo import Servo
 from taskspec.spec.set_point import SetPoint
+from taskspec.spec.sliding import Sliding
 from taskspec.spec.stage import Branch, Stage, Within
 from taskspec.spec.sweep import Sweep
 from taskspec.spec.world import Motion, Shape
@@ -87,6 +89,8 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "path": (Path,),
     "law": (Law,),
     "law.force": (ForceGains,),
+    "law.sliding": (Sliding,),
+    "law.disturbance_observer": (DisturbanceObserver,),
     "limits": (Limits,),
     "control": (Control,),
     "payload": (Payload,),

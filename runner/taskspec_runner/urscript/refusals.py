@@ -90,6 +90,9 @@ def _of_law(plan: TaskPlan) -> Iterator[Reason]:
     laws = [(FILE.law, task.law)]
     laws += [(FILE.stages[n].law, s.law) for n, s in task.stages.items() if s.law is not None]
     for place, law in laws:
+        for key in ("sliding", "disturbance_observer"):
+            if getattr(law, key) is not None:
+                yield Reason(place[key], f"'{key}' works on torques, and servoj takes positions")
         if law.varying:
             yield Reason(place, "gains of the law vary: those of force_mode and servoj are fixed")
         elif any(on in PAIRS for entries in law.by_entry.values() for on in entries):
