@@ -49,6 +49,13 @@ SERVOS = {
     for command, law in (("velocity", "admittance"), ("position", "force-velocity"))
 }
 
+#: The same with a sliding term and a disturbance observer, whose estimate goes from stage to stage.
+ROBUST = TOUCH.replace("touch", "touch-robust", 1).replace(
+    "stages:",
+    "law: {kind: hybrid, sliding: {layer: 0.3 m/s, payload: 50 g, uncertainty: 5 %}, "
+    "disturbance_observer: 10 Hz}\ntruth: {robot.payload: 50 g, robot.joint_friction: 0.02 N*m}\n"
+    "stages:",
+)
 #: The same with params that may be set while it runs, one at a rate and one that jumps.
 LIVE = (
     TOUCH.replace("touch", "touch-live", 1)
@@ -76,6 +83,8 @@ MOVES = (
 def program(name: str) -> Program:
     if name == "live":
         return compile_unchecked(load_text(LIVE, "touch.yaml"))
+    if name == "robust":
+        return compile_unchecked(load_text(ROBUST, "touch.yaml"))
     if name in SERVOS:
         return compile_unchecked(load_text(SERVOS[name], "touch.yaml"))
     return compile_task(load_task(TASKS / f"{name}.yaml"))

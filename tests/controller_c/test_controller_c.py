@@ -77,6 +77,14 @@ def test_torques_are_those_of_the_machine_to_the_bit(name, driven) -> None:
     assert found[-1, -2] == DONE
 
 
+def test_a_sliding_term_and_an_observer_are_those_of_the_machine(driven) -> None:
+    samples, torques, ended = recorded("robust")
+    assert len(samples) > 300
+    found = driven("robust", samples)
+    assert found[:, :-2].tobytes() == torques.tobytes()
+    assert ended == "end"
+
+
 def spoiled(ticks: int) -> np.ndarray:
     return recorded("ring")[0][:ticks].copy()
 
