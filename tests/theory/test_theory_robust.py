@@ -287,7 +287,7 @@ def test_no_random_error_exceeds_the_bound_of_its_layer(tmp_path, request, predi
     assert max(near) > 0.2
     assert beyond > 0
     prediction(
-        "runs that keep |e| ≤ φ/Λ", "Slotine and Li, 7.2",
+        "runs that keep the bound φ/Λ", "Slotine and Li, 7.2",
         f"hybrid with a sliding term, {count} random files of three arms", count, kept,
         atol=0.5, because="a proof has no exception",
     )  # fmt: skip
