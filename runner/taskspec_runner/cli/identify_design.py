@@ -34,7 +34,7 @@ def design_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
         if logs:
             known = identify(loaded, logs, None, level, chosen.columns)
             if what is None:
-                what = _untold(known)
+                what = _unidentified(known)
         made = design(
             loaded,
             what,
@@ -52,8 +52,8 @@ def design_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
     return WELL if made.met else MISSED
 
 
-def _untold(known: Identification) -> list[str] | None:
-    """Paths of values that logs do not tell; all where they tell everything."""
+def _unidentified(known: Identification) -> list[str] | None:
+    """Paths of values that logs do not identify; all where they identify everything."""
     names = [*known.unseen, *(name for group in known.confounded for name in group.names)]
     paths = [name.split(" ")[0] for name in names]
     return [*dict.fromkeys(paths)] or None
@@ -63,8 +63,8 @@ def _show(made: DesignedTask, chosen: IdentifyOptions) -> None:
     from rich.text import Text
 
     show(_table(made, chosen))
-    for name in made.untold:
-        show(Text(f"it tells nothing of {name}", "yellow"))
+    for name in made.unidentified:
+        show(Text(f"it does not identify {name}", "yellow"))
     for remark in made.remarks:
         typer.echo(remark)
     typer.echo(

@@ -256,14 +256,14 @@ def _identification(
     outside = Outside(problem, found, known)
     slopes = outside.slopes
     inside = (inverse * np.outer(scales, scales))[:count, :count]
-    covariance = slopes @ inside @ slopes.T + np.diag((_ARITHMETIC * scales[:count]) ** 2)
+    of_noise, arithmetic = slopes @ inside @ slopes.T, _ARITHMETIC * scales[:count]
+    covariance = of_noise + np.diag(arithmetic**2)
     quantile = NormalDist().inv_cdf(0.5 + level / 2)
     estimates = []
     for i, parameter in enumerate(problem.continuous):
         if known[i]:
-            estimates.append(
-                outside.estimate(i, parameter, float(covariance[i, i]) ** 0.5, quantile)
-            )
+            noise = max(float(of_noise[i, i]), 0.0) ** 0.5
+            estimates.append(outside.estimate(i, parameter, noise, float(arithmetic[i]), quantile))
     rows = np.flatnonzero(known)
     kept = covariance[np.ix_(rows, rows)]
     late = [] if problem.delay is None else [problem.delay.name]
@@ -302,7 +302,7 @@ def _delay(problem: LogProblem, found: Fit) -> Estimate:
     low = max(min(found.delays) - 1 + _PART, 0.0) * period
     return Estimate(
         problem.delay.path, None, "", found.delay * period, low, max(found.delays) * period,
-        period / 12**0.5, problem.delay.declared, problem.delay.dimension,
+        period / 12**0.5, problem.delay.declared, problem.delay.dimension, len(found.delays) == 1,
     )  # fmt: skip
 
 
