@@ -13,6 +13,7 @@ from taskspec_runner.cli.console import console, show, table
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.options import IdentifyOptions
+from taskspec_runner.errors import InputError
 from taskspec_runner.exit_codes import MISSED, WELL
 from taskspec_runner.identify.design import DesignedTask, design
 from taskspec_runner.identify.identification import Identification, identify
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 def design_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
     """Designs a task that identifies what is wanted, by default what the logs do not tell."""
     assert chosen.design is not None
+    if chosen.page is not None:
+        raise InputError("--page shows what logs say; give it without --design")
     loaded = load(file, chosen.sets)
     level, what = chosen.level / 100, chosen.paths
     with console(err=True).status("design") as status:
