@@ -205,7 +205,8 @@ def _said(each: ChannelResidual, log: LoggedChannels) -> str:
 
 
 def _noise(each: ChannelResidual) -> str:
-    return f"{_text(each.rms, each)} rms, noise {_text(each.explained, each)}"
+    of = "noise" if each.declared else "new from tick to tick"
+    return f"{_text(each.rms, each)} rms, {of} {_text(each.explained, each)}"
 
 
 def _text(value: float, each: ChannelResidual) -> str:
@@ -342,7 +343,8 @@ def _undecided(found: Identification) -> Markup:
 
 
 def _names(names: Sequence[str]) -> Markup:
-    return Markup(", ").join(map(code, names))
+    # One piece: on a phone a cell puts its pieces side by side.
+    return element("span", Markup(", ").join(map(code, names)))
 
 
 def _commands(found: Identification, *, copied: bool) -> Markup:
@@ -371,7 +373,7 @@ def _left(found: Identification) -> Markup:
                 in_unit(quantity(each.size, each.unit)),
                 _judged(each),
             ],
-            "bad" if each.surprising else "good",
+            "bad" if each.surprising else "good" if each.exact or each.declared else "open",
         )
         for each in found.residuals
         if each.peak
