@@ -4,7 +4,7 @@ A world is drawn by seed: what `truth` has of it is hidden from the file that is
 of `--tasks judge` are those of docs/identify.md; nothing was developed with them.
 
     python campaigns/identified_worlds.py --seed 7 --worlds 60 --tasks develop
-    python campaigns/identified_worlds.py --seed 97 --worlds 500 --page docs/identify.md
+    python campaigns/identified_worlds.py --seed 211 --worlds 500 --tasks judge --page docs/identify.md
 """
 
 from __future__ import annotations
@@ -463,6 +463,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if world not in there
         }
         for future in as_completed(waiting):
+            if future.exception():
+                pool.shutdown(cancel_futures=True)
             found = future.result()
             rows += found
             file.write("".join(json.dumps(asdict(row)) + "\n" for row in found))

@@ -177,7 +177,7 @@ class LogProblem:
             elif parameter.path.endswith(".friction"):
                 # Less is as good as none, and changes nothing.
                 found[i] = LEAST_FRICTION
-            elif parameter.path == FILTER:
+            elif parameter.path in (FILTER, f"{PAYLOAD}.mass"):
                 found[i] = 0.0
         return found
 
