@@ -501,8 +501,9 @@ def page_table(rows: Sequence[Row], seed: int, drawn: int) -> str:
     held = [row.low <= row.true <= row.high for row in rows if counted(row)]
     return (
         f"Seed {seed}, {worlds} worlds of {drawn}; the other runs were stopped at once. "
-        f"Of all {len(held)} intervals {100 * np.mean(held):.1f} % hold. The delay in ticks is right in {right} of {len(delays)}. Processor time for a log "
-        f"of 10 s: {rates[len(rates) // 2]:.1f} s in the median, {rates[-1]:.1f} s at most.\n\n"
+        f"Of all {len(held)} intervals {100 * np.mean(held):.1f} % hold. The delay in ticks is "
+        f"right in {right} of {len(delays)}. Processor time for a log of 10 s: "
+        f"{rates[len(rates) // 2]:.1f} s in the median, {rates[-1]:.1f} s at most.\n\n"
         + "\n".join(f"| {line} |" for line in made)
     )
 
