@@ -96,7 +96,7 @@ def identified(folder: Path) -> Path:
 
 
 def command(*words: str, folder: Path | None = None) -> None:
-    """Runs a command, in a folder; its exit code 1 says that something was missed, which is to be seen."""
+    """Runs a command, in a folder; exit code 1, something missed, is to be seen."""
     line = [sys.executable, "-m", "taskspec_runner", *words]
     done = subprocess.run(line, capture_output=True, check=False, cwd=folder)
     if done.returncode not in (0, 1):

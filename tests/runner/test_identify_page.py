@@ -256,6 +256,18 @@ def test_a_browser_draws_it(found: Identification, browser: Browser, tmp_path: P
         assert not page.errors
 
 
+def test_what_is_exact_has_no_chart_of_rounding() -> None:
+    _, history = run(press(), {"world.bench.stiffness": "22 kN/m"})
+    made = identify(program(press()), [history], ["world.bench.stiffness"])
+    text = render(made)
+    assert [each.channel for each in made.residuals if each.exact and each.peak]
+    assert all(each.exact for each in made.residuals if each.peak)
+    charts = set(data_of(text)["charts"])
+    assert charts == {f"1 {each.channel}" for each in made.residuals if each.peak}
+    said = {row[-1] for row in Page(text).rows("Left unexplained")}
+    assert said == {"nothing left"}
+
+
 # The command.
 
 

@@ -158,8 +158,8 @@ def _time(logs: Sequence[LoggedChannels]) -> Timeline:
     return Timeline(runs, next(iter(runs)), dict.fromkeys(runs, 0.0))
 
 
-def _charts(found: Identification, log: LoggedChannels) -> Iterator[tuple[Chart, Chart]]:
-    """Of each channel what was measured and predicted, and what is left."""
+def _charts(found: Identification, log: LoggedChannels) -> Iterator[tuple[Chart, ...]]:
+    """Of each channel what was measured and predicted, and what is left if anything is."""
     run = log.run
     for each in log.channels:
         ticks = np.full((3, len(log.history)), np.nan)
@@ -170,6 +170,11 @@ def _charts(found: Identification, log: LoggedChannels) -> Iterator[tuple[Chart,
             Trace(_MEASURED, factor * ticks[0], role, signal=each.channel, run=log.key),
             Trace(_PREDICTED, factor * ticks[1], "ink", "reference", run=log.key),
         )
+        beside = Chart(key, title, unit, drawn, _said(each, log), factor=factor, of=log.key)
+        if each.exact:
+            # A chart of rounding would look like one of noise.
+            yield (beside,)
+            continue
         size = float(np.abs(each.left).max())
         fine, small = scale(each.unit, size)
         traces: tuple[Trace, ...] = (Trace(_LEFT, fine * ticks[2], role, run=log.key),)
@@ -178,7 +183,7 @@ def _charts(found: Identification, log: LoggedChannels) -> Iterator[tuple[Chart,
         text = f"{100 * found.level:g} % of {of}"
         bands = (Band(run.start, run.end, -half, half, None, text),)
         yield (
-            Chart(key, title, unit, drawn, _said(each, log), factor=factor, of=log.key),
+            beside,
             Chart(f"{key} left", f"{title}, left", small, traces, _noise(each), bands,
                   factor=fine, of=log.key),
         )  # fmt: skip
@@ -196,6 +201,8 @@ def _role(each: ChannelResidual) -> str:
 
 
 def _said(each: ChannelResidual, log: LoggedChannels) -> str:
+    if each.exact:
+        return f"nothing left of {_text(each.size, each)} rms but rounding"
     if not log.held_out:
         return f"left {_text(each.rms, each)} rms of {_text(each.size, each)}"
     return (
@@ -213,12 +220,12 @@ def _text(value: float, each: ChannelResidual) -> str:
     return " ".join(quantity(value, each.unit)).rstrip()
 
 
-def _section(log: LoggedChannels, charts: Sequence[tuple[Chart, Chart]]) -> Markup:
+def _section(log: LoggedChannels, charts: Sequence[tuple[Chart, ...]]) -> Markup:
     """The charts of a log; torques of joints that noise explains are folded below the forces."""
     front: list[Markup] = []
     back: list[Markup] = []
-    for each, (chart, left) in zip(log.channels, charts, strict=True):
-        drawn = figure(chart) + figure(left, "low")
+    for each, (chart, *left) in zip(log.channels, charts, strict=True):
+        drawn = joined(figure(chart), *(figure(part, "low") for part in left))
         of_joint = each.channel.startswith("joint.")
         (back if of_joint and not each.surprising else front).append(drawn)
     if not front:
@@ -233,11 +240,11 @@ def _section(log: LoggedChannels, charts: Sequence[tuple[Chart, Chart]]) -> Mark
     )
 
 
-def _still(name: str, log: LoggedChannels, charts: Sequence[tuple[Chart, Chart]]) -> Markup | None:
+def _still(name: str, log: LoggedChannels, charts: Sequence[tuple[Chart, ...]]) -> Markup | None:
     """What stands for the charts where no script runs: the first channels of the first log."""
     if not charts:
         return None
-    first = [chart for chart, _ in charts[:_STILL]]
+    first = [chart for chart, *_ in charts[:_STILL]]
     time = Timeline({log.key: log.run}, log.key, {log.key: 0.0})
     return Markup(picture_svg(name, log.name, "", time, first))
 
