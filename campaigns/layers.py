@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -112,7 +113,7 @@ def main() -> None:
     parser.add_argument("--page", type=Path, help="where the table is written to")
     page = parser.parse_args().page
     found = table()
-    print(found, end="")
+    sys.stdout.write(found)
     if page is not None:
         text = page.read_text(encoding="utf-8")
         mark = "<!-- table: layers -->\n"

@@ -107,7 +107,7 @@ def layers(stage: StagePlan) -> Iterator[Finding]:
 
 
 def _reach(stage: StagePlan) -> tuple[dict[Axis, float], float]:
-    """The least gains by axis, at rest at the start pose, and what `laws.sliding.Reach` has left."""
+    """The least gains by axis, at rest at the start, and what `laws.sliding.Reach` has left."""
     context, slides, n = stage.context, stage.law.sliding, stage.context.robot.n
     assert slides is not None
     state = task_state(

@@ -73,6 +73,7 @@ def sections(run: Run) -> tuple[Section, ...]:
         motion.add(chart)
     arm.add(_joint_commands(run))
     arm.add(_joint_torques(run))
+    arm.add(_joints(run, "disturbance", (), "", ""))
     arm.add(_joint_positions(run))
     arm.add(_power(run))
     for chart in _energies(run):
