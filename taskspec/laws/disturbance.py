@@ -52,7 +52,7 @@ _SHARE = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Observed:
+class ObservedDisturbance:
     """The observer in one tick.
 
     Attributes:
@@ -66,7 +66,9 @@ class Observed:
     memory: Mapping[str, ca.SX]
 
 
-def observe(case: Case, pole: float, most: ca.DM, *, applied: ca.SX, begins: ca.SX) -> Observed:
+def observe(
+    case: Case, pole: float, most: ca.DM, *, applied: ca.SX, begins: ca.SX
+) -> ObservedDisturbance:
     """One tick; `case` remembers `ESTIMATE`, `VELOCITY` and `BIAS`.
 
     Args:
@@ -87,7 +89,7 @@ def observe(case: Case, pole: float, most: ca.DM, *, applied: ca.SX, begins: ca.
         moved = ca.SX.zeros(len(state.axes))
         moved[forced] = (state.J @ linear.solve(state.H_factor, taken))[forced]
         taken = taken - state.J.T @ linear.solve(linear.cholesky(state.mobility), moved)
-    return Observed(d, -taken, {ESTIMATE: d, VELOCITY: v, BIAS: case.bias})
+    return ObservedDisturbance(d, -taken, {ESTIMATE: d, VELOCITY: v, BIAS: case.bias})
 
 
 def pole(bandwidth: float, period: float) -> float:
