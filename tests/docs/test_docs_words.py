@@ -135,6 +135,8 @@ def test_signals_are_available_where_the_table_says(row):
     stage = VARYING + stage if signal.startswith("gain.") else stage
     # A law with a storage function, and one that falls.
     stage = f"law: pd\n{stage}" if signal.startswith(("energy.", "power.")) else stage
+    if signal.endswith(".disturbance"):
+        stage = f"law: {{kind: pd, disturbance_observer: 20 Hz}}\n{stage}"
     path = "path: {line: {by: [0, 5 mm]}, time: 1 s}, "
     places = {
         "references": stage % (motion, path, ""),
