@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.model_terms import TermSymbols
+from taskspec.robot.rebuild import GRAVITY
 from taskspec.signals import SCALARS, VECTORS
 from taskspec.signals.table import REFERENCE
 from taskspec.spec import Task
@@ -67,7 +68,9 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
-def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> Fields:
+def fields(
+    equations: int, followed: int = 0, gains: int = 0, live: int = 0, *, grips: bool = False
+) -> Fields:
     """The outputs of a task's stages; last are those of equations, joints, gains and params.
 
     Args:
@@ -76,6 +79,7 @@ def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> 
         followed: joints that follow references in a stage; 0 where none has a path of joints.
         gains: how many of any stage vary.
         live: params that may be set while a stage runs.
+        grips: whether any stage grips: command and load of the gripper.
     """
     on_equations = ("reaction_ref", "reaction", "gap_ref", "reaction_residual")
     return (
@@ -85,23 +89,26 @@ def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> 
         ("joint_ref", followed),
         *((("gain", gains),) if gains else ()),
         *((("param", live),) if live else ()),
+        *((("grip", 2),) if grips else ()),
     )
 
 
 def fields_of(task: Task, joints: int) -> Fields:
     """The outputs of the stages of a task, of an arm with some joints."""
     followed = joints if task.in_joints else 0
-    return fields(len(task.equations), followed, len(task.varying_gains), len(task.live))
+    gains, live = len(task.varying_gains), len(task.live)
+    return fields(len(task.equations), followed, gains, live, grips=bool(task.gripped))
 
 
 def now_at_start(task: Task) -> NDArray[np.float64]:
     """A tick's input `now` before the first one.
 
     Stage time, run time [s], how often each stage has been entered; then the params that may be set
-    as they are declared, and their rates.
+    as they are declared, and their rates; in a task that grips, command and load of the gripper.
     """
     live = [param.value for param in task.live.values()]
-    return np.array([*np.zeros(first_live(task)), *live, *np.zeros(len(live))])
+    after = np.zeros(len(live) + (2 if task.gripped else 0))
+    return np.array([*np.zeros(first_live(task)), *live, *after])
 
 
 def first_live(task: Task) -> int:
@@ -140,7 +147,10 @@ HANDED: Fields = (
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """The symbols of a tick's inputs, in the order of the function's arguments."""
+    """The symbols of a tick's inputs, in the order of the function's arguments.
+
+    In a task that `grips`, the last numbers of `now` and `reactions` are the gripper's.
+    """
 
     now: ca.SX
     q: ca.SX
@@ -148,6 +158,23 @@ class Inputs:
     terms: TermSymbols
     wrench: ca.SX
     reactions: ca.SX
+    grips: bool = False
+
+    @property
+    def contact(self) -> ca.SX:
+        """(6,) the wrench without the weight of what the gripper holds, as far as that is known."""
+        if not self.grips:
+            return self.wrench
+        weight = self.now[-1] * ca.DM([float(g) for g in GRAVITY])
+        return ca.vertcat(self.wrench[:3] - weight, self.wrench[3:])
+
+    @property
+    def grip(self) -> dict[str, ca.SX]:
+        """Signals of the gripper; empty in a task that does not grip."""
+        if not self.grips:
+            return {}
+        force, slip = self.reactions[-2], self.reactions[-1]
+        return {"force": force, "slip": slip, "command": self.now[-2], "load": self.now[-1]}
 
     def symbols(self) -> list[ca.SX]:
         """Arguments before memory and parameters."""

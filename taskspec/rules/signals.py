@@ -109,6 +109,8 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
             return elsewhere
     if len(path) == 1:
         return _no_single(stage, path[0])
+    if path[0] == Index.GRIP and path[0] not in stage.context.loaded.task.world:
+        return None if stage.context.loaded.task.gripped else "no stage grips anything"
     if path[0] == Index.GAIN or ".".join(path) in ENERGY:
         return _not_of_law(stage, path)
     if path[0] == "joint" and int(path[1]) > robot.n:

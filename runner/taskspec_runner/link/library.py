@@ -230,7 +230,7 @@ class InLibrary:
         context = program.context
         self._path = path
         self._library: ExportedController = ControllerLibrary(
-            path, controller_of(program), context.robot.n, len(context.equations)
+            path, controller_of(program), context.robot.n, len(context.loaded.task.reported)
         )
 
     def assemble(self, program: Program, world: World) -> Assembly[LibraryPlant]:

@@ -14,6 +14,7 @@ from taskspec.native.quadratic import INFEASIBLE, SOLVED, solve
 from taskspec.program.evaluation import evaluate
 from taskspec.program.execution.controller_memory import ControllerMemory
 from taskspec.program.execution.exits import RESTS, enter, follows
+from taskspec.program.execution.gripping import begin_stage, hand_load
 from taskspec.program.execution.live_params import move
 from taskspec.program.execution.pivots import select
 from taskspec.program.execution.stage_solver import EXACT, HELD_TICKS, WORST_RESIDUAL
@@ -44,6 +45,7 @@ def first_tick(c: ControllerMemory) -> bool:
 def _measure(c: ControllerMemory) -> None:
     """The model's terms, the wrench of the contact, and the time."""
     now = c.now
+    hand_load(c.grip)
     evaluate(c.terms)
     if c.zeroed.code != 0:
         copy(c.tip_rotation, c.turned, 9)
@@ -273,6 +275,7 @@ def begin(c: ControllerMemory, after: ControllerMemory, again: int) -> None:
     after.carries = c.carries_of[max(int(c.outputs[0]), 1) - 1]
     enter(c.exits, after.stage, again != 0)
     now[2 + after.stage] += 1.0
+    begin_stage(c.grip, after.stage)
     after.ticks, after.stage_ticks, after.estimate_ticks = c.ticks, 0, 0
     if c.zeroed.code != 0:
         zero(c.taring_total, 6)
