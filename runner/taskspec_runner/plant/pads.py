@@ -40,7 +40,7 @@ from taskspec.spec.gripper import Gripper
 from taskspec_runner.plant.loose import solid_of
 
 #: Numbers that a gripper remembers of a body: distance between the jaws, N, whether they hold it,
-#: how far it has slipped, and of the pads at +n and -n: z (3), in the tool's axes, and theta.
+#: how far it has slipped while it was held, and of the pads at +n and -n: z (3), in the tool's axes, and theta.
 MEMORY = 12
 _JAWS, _PRESSES, _HOLDS, _SLIPPED, _FIRST = 0, 1, 2, 3, 4
 #: Of critical, at the stiffness that a step resolves.
@@ -195,7 +195,9 @@ def hold(
     couple = ca.if_else(held, couple, 0.0)
     at_tip = at_tip + couple
     new = ca.logic_and(held, holds == 0)
-    slipped = ca.if_else(new, 0.0, slipped + ca.if_else(held, 0.5 * (slips[0] + slips[1]), 0.0))
+    # What slides as the jaws open has been let go.
+    slips_now = ca.if_else(ca.logic_and(held, closes), 0.5 * (slips[0] + slips[1]), 0.0)
+    slipped = ca.if_else(new, 0.0, slipped + slips_now)
     moment = at_tip + ca.cross(tip.p - body.p, force)
     return Held(
         force=force,

@@ -31,6 +31,7 @@ UNKNOWN = -3
 
 def tick(c: ControllerMemory) -> bool:
     """Evaluates the law into memory of its own; whether the tick may be done here."""
+    hand_load(c.grip)
     _measure(c)
     _renew(c)
     return _law(c)
@@ -45,7 +46,6 @@ def first_tick(c: ControllerMemory) -> bool:
 def _measure(c: ControllerMemory) -> None:
     """The model's terms, the wrench of the contact, and the time."""
     now = c.now
-    hand_load(c.grip)
     evaluate(c.terms)
     if c.zeroed.code != 0:
         copy(c.tip_rotation, c.turned, 9)
@@ -162,6 +162,7 @@ def control(c: ControllerMemory) -> int:
     The event that ends the stage, for `leave`; 0 for none; UNANSWERED where the program has had no
     answer for too long, DIVERGED where numbers are not those of a sane arm.
     """
+    hand_load(c.grip)
     _measure(c)
     _renew(c)
     copy(c.torque, c.torque_before, c.n)
