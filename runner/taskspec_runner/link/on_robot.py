@@ -220,7 +220,8 @@ class RobotPlant:
             self.diverged = True
         elif not self._held:
             try:
-                self._robot.write(command)
+                grip = self._machine.grip
+                self._robot.write(np.append(command, grip.command[0]) if grip.used else command)
             except LinkError as error:
                 error.ticks = self._ticks
                 raise

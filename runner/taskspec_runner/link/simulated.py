@@ -72,6 +72,8 @@ class SimulatedRobot:
         Raises:
             LinkError: the simulation has diverged.
         """
+        if self.facts.grips and self._plant.arm.handling is not None:
+            command, self._plant.arm.handling.source[:] = command[:-1], command[-1]
         self._plant.step(command)
         self._ticks += 1
         alarm = self._plant.alarm() if self._plant.arm.diverged else None
