@@ -278,7 +278,7 @@ def _grip(name: str, dimension: Dimension, meaning: str) -> None:
 
 
 _grip("force", FORCE, "what each jaw presses with, as the gripper reports it; 0 with nothing in it")
-_grip("slip", LENGTH, "how far what is gripped has slid on the pads since they closed")
+_grip("slip", LENGTH, "how far what is gripped has slid on the pads since the command last changed")
 _grip("command", FORCE, "what each jaw is commanded to press with; 0 opens the gripper")
 _grip("load", MASS, "mass that has been handed to the arm's model")
 

@@ -169,6 +169,11 @@ class Task(Model):
         return tuple(name for name in self.world if name in named)
 
     @property
+    def carried(self) -> tuple[str, ...]:
+        """What the tool's shape does not touch, as it holds it from the start or grips it."""
+        return (*self.gripped, *filter(None, (self.robot.grasp,)))
+
+    @property
     def reported(self) -> tuple[str, ...]:
         """What is measured beside joints and wrench: reactions of equations, then of the gripper.
 

@@ -53,7 +53,7 @@ def add_tool_pairs(
     """
     robot, period = arm.robot, 1.0 / task.control.plant_rate
     for name, shape in task.shapes.items():
-        if name == arm.held or name in task.gripped:
+        if name in task.carried:
             # What is gripped lies between the pads, which the tool's shape has no room for.
             continue
         declared, solid = compliance(shape, robot, arm.start, period), surface(shape)

@@ -40,9 +40,10 @@ from taskspec.spec.gripper import Gripper
 from taskspec_runner.plant.loose import solid_of
 
 #: Numbers that a gripper remembers of a body: distance between the jaws, N, whether they hold it,
-#: how far it has slipped while it was held, and of the pads at +n and -n: z (3), in the tool's axes, and theta.
-MEMORY = 12
-_JAWS, _PRESSES, _HOLDS, _SLIPPED, _FIRST = 0, 1, 2, 3, 4
+#: how far it has slipped, the last command, and of the pads at +n and -n: z (3), in the tool's
+#: axes, and theta.
+MEMORY = 13
+_JAWS, _PRESSES, _HOLDS, _SLIPPED, _COMMAND, _FIRST = 0, 1, 2, 3, 4, 5
 #: Of critical, at the stiffness that a step resolves.
 _DAMPING = 0.7
 #: Turns of a body may be as fast as its shifts would be with a mass that many times smaller.
@@ -142,7 +143,7 @@ def hold(
     half, delta = solid.support(own), ca.dot(n, body.p - tip.p)
     between = solid.height(body.R.T @ (tip.p + n * delta - body.p)) < 0
     # The jaws.
-    jaws, pressed, holds, slipped = (memory[i] for i in range(_FIRST))
+    jaws, pressed, holds, slipped, before = (memory[i] for i in range(_FIRST))
     closes = command > 0
     target = ca.if_else(closes, 0.0, gripper.stroke)
     step = gripper.speed * period
@@ -194,7 +195,7 @@ def hold(
         at_tip -= ca.cross(point - tip.p, f)
     couple = ca.if_else(held, couple, 0.0)
     at_tip = at_tip + couple
-    new = ca.logic_and(held, holds == 0)
+    new = ca.logic_or(ca.logic_and(held, holds == 0), ca.logic_and(closes, command != before))
     # What slides as the jaws open has been let go.
     slips_now = ca.if_else(ca.logic_and(held, closes), 0.5 * (slips[0] + slips[1]), 0.0)
     slipped = ca.if_else(new, 0.0, slipped + slips_now)
@@ -203,7 +204,7 @@ def hold(
         force=force,
         moment=moment,
         at_tip=at_tip,
-        memory=ca.vertcat(ca.if_else(held, 2 * half, moved), N, held, slipped, *kept),
+        memory=ca.vertcat(ca.if_else(held, 2 * half, moved), N, held, slipped, command, *kept),
         presses=N,
         slipped=slipped,
     )
