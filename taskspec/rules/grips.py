@@ -162,8 +162,9 @@ def weak_grips(stage: StagePlan) -> Iterator[Finding]:
     if not task.gripped:
         return
     held = held_as_begins(task).get(stage.name, set())
-    grips = [g for g in _sorted(held) if g is not None] if stage.spec.release is None else []
-    for grip in grips if stage.spec.grip is None else [stage.spec.grip]:
+    if stage.spec.grip is not None or stage.spec.release is not None:
+        return
+    for grip in (g for g in _sorted(held) if g is not None):
         shape = task.shapes[grip.object]
         n = _closing_axis(stage)
         load = (shape.mass or 0.0) * (_acceleration(stage) - np.array(GRAVITY))
@@ -172,16 +173,17 @@ def weak_grips(stage: StagePlan) -> Iterator[Finding]:
         needed = math.hypot(w / 2, tau / (2 * half)) / shape.friction if shape.friction else 0.0
         if needed <= grip.force:
             continue
-        bears = f"its weight of {show(w, 'N', 3)}, moved as stage {stage.name!r} does"
+        bears = f"{show(w, 'N', 3)} of weight and acceleration need"
         if tau:
-            bears += f", and {show(tau, 'N*m', 3)} on a half width of {show(half, 'mm', 3)}"
+            about = f"{show(tau, 'N*m', 3)} on a half width of {show(half, 'mm', 3)}"
+            bears = f"{about}, and {bears}"
         place = next(n for n, s in task.stages.items() if s.grip == grip)
         yield warning(
             "TS353",
-            f"{grip.object!r} slips: with a friction of {shape.friction:g}, {bears} need "
-            f"{show(needed, 'N', 3)} at each jaw, which presses with {show(grip.force, 'N', 3)}",
+            f"{grip.object!r} slips in stage {stage.name!r}: with a friction of "
+            f"{shape.friction:g}, {bears} {show(needed, 'N', 3)} at each jaw, which presses with {show(grip.force, 'N', 3)}",
             FILE.stages[place].grip.force,
-            "press harder, move more gently, or let go of less",
+            "press harder, or move more gently",
             unless=("TS353",),
         )
 
