@@ -145,8 +145,9 @@ def held_as_begins(task: Task) -> dict[str, set[Grip | None]]:
     while waiting:
         name = waiting.pop()
         stage = task.stages[name]
-        after = set(found[name]) if stage.release is None else {None}
-        after = after if stage.grip is None else {stage.grip}
+        after: set[Grip | None] = set(found[name]) if stage.release is None else {None}
+        if stage.grip is not None:
+            after = {stage.grip}
         for to in followers(task, name):
             known = found.setdefault(to, set())
             if not after <= known:
@@ -181,14 +182,15 @@ def weak_grips(stage: StagePlan) -> Iterator[Finding]:
         yield warning(
             "TS353",
             f"{grip.object!r} slips in stage {stage.name!r}: with a friction of "
-            f"{shape.friction:g}, {bears} {show(needed, 'N', 3)} at each jaw, which presses with {show(grip.force, 'N', 3)}",
+            f"{shape.friction:g}, {bears} {show(needed, 'N', 3)} at each jaw, which "
+            f"presses with {show(grip.force, 'N', 3)}",
             FILE.stages[place].grip.force,
             "press harder, or move more gently",
             unless=("TS353",),
         )
 
 
-@rule("TS354", "a grip or a release in the wrong place", predicts=("TS354",))
+@rule("TS354", "a grip or a release in the wrong place")
 def misplaced_grips(stage: StagePlan) -> Iterator[Finding]:
     """Jaws that close beside the body, and bodies that are let go where they fall."""
     task, p = stage.context.loaded.task, stage.nominal.start

@@ -116,6 +116,4 @@ class Grip(Model):
     }
 
     object: Annotated[str, LOOSE] = Field(title="The loose body")
-    force: Annotated[float, Constant(FORCE, above=0)] = Field(
-        title="With which each jaw presses"
-    )
+    force: Annotated[float, Constant(FORCE, above=0)] = Field(title="With which each jaw presses")

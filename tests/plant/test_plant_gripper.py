@@ -39,7 +39,9 @@ robot:
   start: {xyz: [450 mm, 0, 330 mm]}
 world:
   table: {shape: plane, xyz: [0, 0, 300 mm], friction: 0.4}
-  block: {shape: box, size: [60 mm, 40 mm, 60 mm], free: true, mass: 500 g, xyz: [450 mm, 0, 330 mm], friction: 0.4}
+  block:
+    {shape: box, size: [60 mm, 40 mm, 60 mm], xyz: [450 mm, 0, 330 mm], free: true, mass: 500 g,
+     friction: 0.4}
 stages:
   grasp: {grip: {object: block, force: 30 N}, until: grip.force > 29.9 N, within: 2 s}
   lift: {axes: {z: {move: 60 mm}}}
@@ -159,7 +161,8 @@ class Pads:
     def step(self) -> tuple[np.ndarray, np.ndarray]:
         state = np.concatenate([self.place, self.rate])
         f, m, memory, self.presses, self.slipped = (
-            np.asarray(x).ravel() for x in self._function(state, self.memory, self._force, *self._given)
+            np.asarray(x).ravel()
+            for x in self._function(state, self.memory, self._force, *self._given)
         )
         self.memory = memory
         self.place = self.place + PERIOD * self.rate
@@ -212,9 +215,7 @@ def test_shift_and_turn_share_one_limit() -> None:
         v, w = rng.uniform(0.5, 1.0) * SLOW, rng.uniform(5e-3, 2e-2)
         f, m = hand.moved([0, 0, v, 0, w, 0], 3200)
         most = 2 * 0.3 * 20.0
-        shares.append(
-            (np.linalg.norm(f) / most) ** 2 + (m[1] / (most * 2 / 3 * GRIPPER.pad)) ** 2
-        )
+        shares.append((np.linalg.norm(f) / most) ** 2 + (m[1] / (most * 2 / 3 * GRIPPER.pad)) ** 2)
     assert shares == pytest.approx([1.0] * 5, rel=1e-3)
 
 

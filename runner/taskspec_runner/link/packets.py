@@ -63,7 +63,10 @@ STATE_FIELDS = (
 COMMAND_FIELDS = (
     ("quantity", "what the joints are commanded: 0 torques, 1 velocities, 2 positions"),
     ("joints", "n"),
-    ("grips", "1 where the task grips, and a last number is what each jaw presses with [N]; else 0"),
+    (
+        "grips",
+        "1 where the task grips, and a last number is what each jaw presses with [N]; else 0",
+    ),
     ("reserved", "0"),
 )
 

@@ -130,8 +130,9 @@ class RobotFacts:
             )
         if robot.reactions != self.reactions:
             raise InputError(
-                f"the robot at {where} measures {_listed(robot.reactions)} beside joints and wrench, "
-                f"the task needs {_listed(self.reactions)}; serve the same task file at both ends"
+                f"beside joints and wrench, the robot at {where} measures "
+                f"{_listed(robot.reactions)}, the task needs "
+                f"{_listed(self.reactions)}; serve the same task file at both ends"
             )
 
 

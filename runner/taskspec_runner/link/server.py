@@ -277,9 +277,7 @@ class PlantServer:
         Raises:
             PacketError: it is no command for them.
         """
-        return packets.read_command(
-            packet.body, self._joints, self._takes, grips=self._grips
-        )
+        return packets.read_command(packet.body, self._joints, self._takes, grips=self._grips)
 
     def send(self, number: int, stamp: float, state: StateBody) -> None:
         """Sends a state."""

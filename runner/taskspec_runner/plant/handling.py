@@ -20,9 +20,10 @@ from taskspec_runner.plant.pads import Body
 Vector = NDArray[np.float64]
 
 
-def taken(task: Task) -> dict[str, Mechanism]:
-    """The screws that take a loose body."""
-    return {n: m for n, m in task.mechanisms.items() if getattr(m, "takes", None) is not None}
+def taken(task: Task) -> dict[str, tuple[Mechanism, str]]:
+    """The screws that take a loose body, and that."""
+    takes = {name: (m, getattr(m, "takes", None)) for name, m in task.mechanisms.items()}
+    return {name: (m, body) for name, (m, body) in takes.items() if body is not None}
 
 
 def handles(task: Task) -> bool:
@@ -88,20 +89,20 @@ class Handling:
             # Of several bodies the jaws hold one; what has slipped stays reported.
             reports += ca.vertcat(held.presses, held.slipped)
         on_screws = []
-        for name, screw in screws.items():
-            shape = task.shapes[screw.takes]
+        for name, (screw, taking) in screws.items():
+            shape = task.shapes[taking]
             place, rate = (
                 wiring.reads(f"{which}_{name}", array)
                 for which, array in zip(("place", "rate"), self._screw(name), strict=True)
             )
             found = thread.screw_on(
-                screw, shape, bodies[screw.takes], place, rate,
+                screw, shape, bodies[taking], place, rate,
                 memory[at : at + thread.MEMORY], wiring, name, period,
             )  # fmt: skip
             at += thread.MEMORY
             kept.append(found.memory)
-            forces[screw.takes] += found.force
-            moments[screw.takes] += found.moment
+            forces[taking] += found.force
+            moments[taking] += found.moment
             on_screws.append(found.on_screw)
             efforts.append(found.effort)
         on_bodies = [
@@ -127,7 +128,7 @@ class Handling:
 
     def _loose(self) -> Iterator[str]:
         """The bodies, each once, in the order of the world."""
-        named = {*self._task.gripped, *(screw.takes for screw in taken(self._task).values())}
+        named = {*self._task.gripped, *(body for _, body in taken(self._task).values())}
         return (name for name in self._task.world if name in named)
 
     def _dofs(self, joint: str, count: int) -> NDArray[np.int64]:

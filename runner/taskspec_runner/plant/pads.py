@@ -161,10 +161,12 @@ def hold(
     off = ca.fmax(-N, ca.fmin(N, off))
     force, at_tip = -2 * off * n, ca.SX.zeros(3)
     # A flat face turns to the pads.
-    flat = ca.vertcat(*(
-        ca.fmax(-N * reach, ca.fmin(N * reach, k * R**2 / 4 * own[i]))
-        for i, reach in enumerate(np.minimum(solid.half_sizes, R))
-    )) * solid.flat_along(own)
+    flat = ca.vertcat(
+        *(
+            ca.fmax(-N * reach, ca.fmin(N * reach, k * R**2 / 4 * own[i]))
+            for i, reach in enumerate(np.minimum(solid.half_sizes, R))
+        )
+    ) * solid.flat_along(own)
     couple = -2 * (body.R @ ca.cross(flat, own))
     kept, slips = [], []
     for i, side in enumerate((1.0, -1.0)):

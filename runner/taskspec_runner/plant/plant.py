@@ -73,12 +73,8 @@ class PlantArm:
         own = views.equations[: len(task.equations)]
         exact = [each.exact for each in task.equations.values()]
         sprung = bool(task.bushings) or not all(exact)
-        self.equations = (
-            Equations(model, data, arm, task, own, views.bushings) if sprung else None
-        )
-        self.rigid = (
-            RigidConstraints(model, data, arm, task, own) if any(exact) else None
-        )
+        self.equations = Equations(model, data, arm, task, own, views.bushings) if sprung else None
+        self.rigid = RigidConstraints(model, data, arm, task, own) if any(exact) else None
         report = views.equations[len(task.equations) :]
         self.handling = Handling(model, data, arm, task, report) if handles(task) else None
         self.servo = (

@@ -188,8 +188,8 @@ class Machine:
             array[:] = 0.0
         self.now[:] = self._declared
         self.live.renew()
-        for array in (self.grip.mass, self.grip.full):
-            np.asarray(array)[:] = 0.0
+        for held in (self.grip.mass, self.grip.full):
+            np.asarray(held)[:] = 0.0
         self._fading.reset()
         if self.sensor is not None:
             self.sensor.renew()
