@@ -95,7 +95,7 @@ _GRIPPER = {
     ),
 }
 _GRIPPER_ROW = (
-    "| `gripper` | `gripper/effort` | the command interface of the force that each jaw presses with "
+    "| `gripper` | `gripper/effort` | the command interface of the force of each jaw "
     "[N], 0 opens it; the example's robot has no gripper |\n"
 )
 
