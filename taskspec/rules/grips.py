@@ -25,7 +25,7 @@ from taskspec.robot.rebuild import GRAVITY
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.shapes import BoundedSurface
 from taskspec.spec import FILE, KeyPath, Stage, Task, key_of
-from taskspec.spec.gripper import ALL, Grip
+from taskspec.spec.gripper import ALL, GripCommand
 from taskspec.text.units import show
 
 Vector = NDArray[np.float64]
@@ -114,13 +114,13 @@ def order_of_grips(plan: TaskPlan) -> Iterator[Finding]:
             yield say("TS146", text, key_of(place.release), hint)
 
 
-def _full(stage: Stage, held: set[Grip | None]) -> list[Grip | None]:
+def _full(stage: Stage, held: set[GripCommand | None]) -> list[GripCommand | None]:
     """Of what may be held, what keeps a stage from gripping: any body but its own."""
     assert stage.grip is not None
     return [g for g in _sorted(held) if g is not None and g.object != stage.grip.object]
 
 
-def _empty(stage: Stage, held: set[Grip | None]) -> list[Grip | None]:
+def _empty(stage: Stage, held: set[GripCommand | None]) -> list[GripCommand | None]:
     """Of what may be held, what a stage cannot release."""
     if stage.release is None:
         return []
@@ -130,22 +130,22 @@ def _empty(stage: Stage, held: set[Grip | None]) -> list[Grip | None]:
     return lost if named != ALL or len(lost) == len(held) else []
 
 
-def _sorted(held: set[Grip | None]) -> list[Grip | None]:
+def _sorted(held: set[GripCommand | None]) -> list[GripCommand | None]:
     return sorted(held, key=lambda g: ("", 0.0) if g is None else (g.object, g.force))
 
 
-def held_as_begins(task: Task) -> dict[str, set[Grip | None]]:
+def held_as_begins(task: Task) -> dict[str, set[GripCommand | None]]:
     """What the jaws may hold as each stage begins that a run may come to; None for nothing.
 
     What slips out is not counted.
     """
     first = next(iter(task.stages))
-    found: dict[str, set[Grip | None]] = {first: {None}}
+    found: dict[str, set[GripCommand | None]] = {first: {None}}
     waiting = [first]
     while waiting:
         name = waiting.pop()
         stage = task.stages[name]
-        after: set[Grip | None] = set(found[name]) if stage.release is None else {None}
+        after: set[GripCommand | None] = set(found[name]) if stage.release is None else {None}
         if stage.grip is not None:
             after = {stage.grip}
         for to in followers(task, name):
@@ -224,7 +224,7 @@ def _release(place: KeyPath) -> KeyPath:
     return found
 
 
-def _untouched(task: Task, held: dict[str, set[Grip | None]], stage: StagePlan) -> bool:
+def _untouched(task: Task, held: dict[str, set[GripCommand | None]], stage: StagePlan) -> bool:
     """Whether a body lies where the file has it as a stage grips it."""
     assert stage.spec.grip is not None
     name = stage.spec.grip.object
@@ -292,7 +292,7 @@ def _acceleration(stage: StagePlan) -> Vector:
     return found
 
 
-def _moment(stage: StagePlan, grip: Grip) -> float:
+def _moment(stage: StagePlan, grip: GripCommand) -> float:
     """What a stage that turns a body on a thread needs of moment about its axis [N m]."""
     task = stage.context.loaded.task
     screws = [s for s in task.mechanisms.values() if getattr(s, "takes", None) == grip.object]

@@ -100,7 +100,7 @@ class Gripper(Model):
         return 0 if self.axis == "x" else 1
 
 
-class Grip(Model):
+class GripCommand(Model):
     """Closes the gripper on a loose body.
 
     Attributes:

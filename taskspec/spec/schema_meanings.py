@@ -185,7 +185,7 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "force": ("The most that each jaw presses with; 70 N by default.", ("70 N",)),
         "pad": ("Radius of the round pads; 8 mm by default.", ("8 mm",)),
     },
-    "Grip": {
+    "GripCommand": {
         "object": ("The loose body that the jaws close on.", ("cap",)),
         "force": ("What each jaw presses with.", ("20 N",)),
     },

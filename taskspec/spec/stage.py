@@ -16,7 +16,7 @@ from taskspec.modes import MODES
 from taskspec.spec import values
 from taskspec.spec.axis import FORCES, MOTIONS, SHORT, AxisEntry, ByName
 from taskspec.spec.fields import ContactName, FrameName
-from taskspec.spec.gripper import Grip, Released
+from taskspec.spec.gripper import GripCommand, Released
 from taskspec.spec.law import Law, law_of
 from taskspec.spec.limits import Limits
 from taskspec.spec.model import Model, complete, mapping, short_form
@@ -249,7 +249,7 @@ class Stage(Model):
         False, title="Tare", description="The sensor's mean over this stage becomes its zero"
     )
 
-    grip: Grip | None = Field(None, title="Grips a loose body as the stage begins")
+    grip: GripCommand | None = Field(None, title="Grips a loose body as the stage begins")
     release: Annotated[str, Released()] | None = Field(
         None, title="Opens the gripper as the stage begins"
     )

@@ -18,7 +18,7 @@ from taskspec.spec.fault import Fault
 from taskspec.spec.followed import Followed
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import GainField
-from taskspec.spec.gripper import Grip, Gripper
+from taskspec.spec.gripper import GripCommand, Gripper
 from taskspec.spec.joint_expressions import JointExpressions
 from taskspec.spec.joint_targets import JointTargets
 from taskspec.spec.law import ForceGains
@@ -95,7 +95,7 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "reward": (Reward,),
     "fault": (Fault,),
     "gripper": (Gripper,),
-    "grip": (Grip,),
+    "grip": (GripCommand,),
 }
 
 

@@ -69,7 +69,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Held:
+class PadForces:
     """What pads do to a body in a step.
 
     Attributes:
@@ -120,7 +120,7 @@ def hold(
     name: str,
     mobility: float,
     period: float,
-) -> Held:
+) -> PadForces:
     """The pads on a body in a step of the plant.
 
     Args:
@@ -202,7 +202,7 @@ def hold(
     slips_now = ca.if_else(ca.logic_and(held, closes), 0.5 * (slips[0] + slips[1]), 0.0)
     slipped = ca.if_else(new, 0.0, slipped + slips_now)
     moment = at_tip + ca.cross(tip.p - body.p, force)
-    return Held(
+    return PadForces(
         force=force,
         moment=moment,
         at_tip=at_tip,
