@@ -203,6 +203,7 @@ def _signal(
 #: Words that begin the names of a family, each with its members and what it is called.
 _FAMILIES = {
     str(signals.Index.LINK): (tuple(signals.LINK), "the link has no signal"),
+    str(signals.Index.GRIP): (tuple(signals.GRIP), "the gripper has no signal"),
     **{
         head: (
             tuple(n.partition(".")[2] for n in signals.ENERGY if n.startswith(f"{head}.")),

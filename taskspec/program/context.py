@@ -73,9 +73,9 @@ class Context:
 
     @property
     def touchable_gaps(self) -> dict[str, float]:
-        """Distance [m] at the start from each object but a loose body that the tool holds."""
-        held = self.loaded.task.robot.grasp
-        return {name: gap for name, gap in self.start_gaps.items() if name != held}
+        """Distance [m] at the start from each object but loose bodies that the tool carries."""
+        carried = self.loaded.task.carried
+        return {name: gap for name, gap in self.start_gaps.items() if name not in carried}
 
     @property
     def followed(self) -> int:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.robot.model_terms import TermSymbols
+from taskspec.robot.rebuild import GRAVITY
 from taskspec.signals import SCALARS, VECTORS
 from taskspec.signals.table import REFERENCE
 from taskspec.spec import Task
@@ -67,18 +68,14 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
-def fields(
-    equations: int, followed: int = 0, gains: int = 0, live: int = 0, observed: int = 0
-) -> Fields:
-    """The outputs of a task's stages; last those of equations, joints, gains, params, observers.
+def fields(equations: int, followed: int = 0, more: Fields = ()) -> Fields:
+    """The outputs of a task's stages; last are those that not every task has.
 
     Args:
         equations: how many there are. Each has a set point, a measurement, the distance of the
             joints' references from it, and what its constraint cannot make of joint torques.
         followed: joints that follow references in a stage; 0 where none has a path of joints.
-        gains: how many of any stage vary.
-        live: params that may be set while a stage runs.
-        observed: joints whose disturbance is estimated in a stage; 0 where none is.
+        more: see `optional`.
     """
     on_equations = ("reaction_ref", "reaction", "gap_ref", "reaction_residual")
     return (
@@ -86,27 +83,40 @@ def fields(
         *signals(),
         *((name, equations) for name in on_equations),
         ("joint_ref", followed),
-        *((("gain", gains),) if gains else ()),
-        *((("param", live),) if live else ()),
-        *((("disturbance", observed),) if observed else ()),
+        *more,
     )
+
+
+def optional(task: Task, joints: int) -> Fields:
+    """Outputs that not every task has, in their order.
+
+    Gains that vary, params that may be set, joints whose disturbance is estimated; command and load
+    of the gripper.
+    """
+    found = (
+        ("gain", len(task.varying_gains)),
+        ("param", len(task.live)),
+        ("disturbance", joints if task.observes else 0),
+        ("grip", 2 if task.gripped else 0),
+    )
+    return tuple((name, size) for name, size in found if size)
 
 
 def fields_of(task: Task, joints: int) -> Fields:
     """The outputs of the stages of a task, of an arm with some joints."""
     followed = joints if task.in_joints else 0
-    live, observed = len(task.live), joints if task.observes else 0
-    return fields(len(task.equations), followed, len(task.varying_gains), live, observed)
+    return fields(len(task.equations), followed, optional(task, joints))
 
 
 def now_at_start(task: Task) -> NDArray[np.float64]:
     """A tick's input `now` before the first one.
 
     Stage time, run time [s], how often each stage has been entered; then the params that may be set
-    as they are declared, and their rates.
+    as they are declared, and their rates; in a task that grips, command and load of the gripper.
     """
     live = [param.value for param in task.live.values()]
-    return np.array([*np.zeros(first_live(task)), *live, *np.zeros(len(live))])
+    after = np.zeros(len(live) + (2 if task.gripped else 0))
+    return np.array([*np.zeros(first_live(task)), *live, *after])
 
 
 def first_live(task: Task) -> int:
@@ -150,7 +160,10 @@ def handed_of(task: Task, joints: int) -> Fields:
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """The symbols of a tick's inputs, in the order of the function's arguments."""
+    """The symbols of a tick's inputs, in the order of the function's arguments.
+
+    In a task that `grips`, the last numbers of `now` and `reactions` are the gripper's.
+    """
 
     now: ca.SX
     q: ca.SX
@@ -158,6 +171,23 @@ class Inputs:
     terms: TermSymbols
     wrench: ca.SX
     reactions: ca.SX
+    grips: bool = False
+
+    @property
+    def contact(self) -> ca.SX:
+        """(6,) the wrench without the weight of what the gripper holds, as far as that is known."""
+        if not self.grips:
+            return self.wrench
+        weight = self.now[-1] * ca.DM([float(g) for g in GRAVITY])
+        return ca.vertcat(self.wrench[:3] - weight, self.wrench[3:])
+
+    @property
+    def grip(self) -> dict[str, ca.SX]:
+        """Signals of the gripper; empty in a task that does not grip."""
+        if not self.grips:
+            return {}
+        force, slip = self.reactions[-2], self.reactions[-1]
+        return {"force": force, "slip": slip, "command": self.now[-2], "load": self.now[-1]}
 
     def symbols(self) -> list[ca.SX]:
         """Arguments before memory and parameters."""

@@ -100,7 +100,7 @@ def prepare(
         start_gaps=gap_at_start,
         start_normals=normals,
         obstacles=Obstacles(
-            robot, {o: s.uncut() for o, s in surfaces.items() if o != task.robot.grasp}, bases
+            robot, {o: s.uncut() for o, s in surfaces.items() if o not in task.carried}, bases
         ),
         drives=drives(robot, task.robot, task.control),
         period=1.0 / task.control.rate,

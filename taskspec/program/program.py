@@ -103,7 +103,7 @@ class Program:
         n = self.context.robot.n
         context, task = self.context, self.context.loaded.task
         if views is None:
-            lengths = (n, n, 6, len(context.equations), n, self.output_size)
+            lengths = (n, n, 6, len(task.reported), n, self.output_size)
             q, v, wrench, reactions, torque, outputs = (np.zeros(length) for length in lengths)
             views = (q, v, wrench, reactions, torque, outputs)
         return Machine(

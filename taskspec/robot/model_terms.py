@@ -8,6 +8,7 @@ expressions, which a function of the loop's own can take in.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -18,6 +19,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.geometry.rotation import cross
 from taskspec.robot import RobotModel
 from taskspec.robot.poses import columns, mirrored
+from taskspec.robot.rebuild import GRAVITY
 
 Vector = NDArray[np.float64]
 
@@ -39,8 +41,21 @@ class ModelTerms(ABC):
             `update`.
     """
 
-    def __init__(self, robot: RobotModel, q: Vector | None = None, v: Vector | None = None) -> None:
-        """Takes the arrays to read q and v from; without them it makes its own."""
+    def __init__(
+        self,
+        robot: RobotModel,
+        q: Vector | None = None,
+        v: Vector | None = None,
+        load: Vector | None = None,
+    ) -> None:
+        """Takes the arrays to read q and v from; without them it makes its own.
+
+        Args:
+            robot: of which they are.
+            q, v: (n,).
+            load: (1,) mass of a point at the tip that the arm carries in addition [kg].
+        """
+        self.load = load
         n = robot.n
         self.q = np.zeros(n) if q is None else q
         self.v = np.zeros(n) if v is None else v
@@ -100,8 +115,14 @@ class ModelTerms(ABC):
 class PinocchioTerms(ModelTerms):
     """The model terms as Pinocchio has them: ready at once, and what others are held against."""
 
-    def __init__(self, robot: RobotModel, q: Vector | None = None, v: Vector | None = None) -> None:
-        super().__init__(robot, q, v)
+    def __init__(
+        self,
+        robot: RobotModel,
+        q: Vector | None = None,
+        v: Vector | None = None,
+        load: Vector | None = None,
+    ) -> None:
+        super().__init__(robot, q, v, load)
         self._model, self._data = robot.pin, robot.pin.createData()
         self._joint, self._tip, self._coupling = robot.tip_joint, robot.tip, robot.coupling
         self._upper = np.tril_indices(robot.n)[::-1]
@@ -129,6 +150,16 @@ class PinocchioTerms(ModelTerms):
         drift[:3] = pose.rotation @ (linear + cross(a.angular, self._tip.translation))
         drift[:3] += cross(twist[3:], twist[:3])
         drift[3:] = pose.rotation @ a.angular
+        if self.load is not None:
+            self._carry(float(self.load[0]))
+
+    def _carry(self, mass: float) -> None:
+        """Adds a point mass at the tip, as `loaded` does."""
+        H, bias, gravity, _, _, _, drift = self.arrays
+        J, g = self.jacobian[:3], self._model.gravity.linear
+        H += (mass * J.T @ J)[self._upper]
+        bias += mass * J.T @ (drift[:3] - g)
+        gravity -= mass * J.T @ g
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +195,22 @@ class TermSymbols:
         packed = ca.densify(self.H)[_upper(self.H.shape[0])]
         parts = (self.bias, self.gravity, ca.vec(self.J), self.p, ca.vec(self.R), self.drift)
         return (packed, *(ca.densify(part) for part in parts))
+
+
+def loaded(terms: TermSymbols, mass: ca.SX) -> TermSymbols:
+    """The model terms of an arm that carries a point mass [kg] at its tip.
+
+    With the linear part J_p of the tip's Jacobian, and gravity g,
+
+        H + m J_p^T J_p,    C q' + g + m J_p^T (J_p' q' - g),    g - m J_p^T g.
+    """
+    J, g = terms.J[:3, :], ca.DM([float(x) for x in GRAVITY])
+    return replace(
+        terms,
+        H=terms.H + mass * (J.T @ J),
+        bias=terms.bias + mass * (J.T @ (terms.drift[:3] - g)),
+        gravity=terms.gravity - mass * (J.T @ g),
+    )
 
 
 def _upper(n: int) -> list[int]:

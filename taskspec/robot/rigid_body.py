@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.robot.base_parameters import ChainJoint, base_parameters
-from taskspec.robot.model_terms import TermSymbols
+from taskspec.robot.model_terms import TermSymbols, loaded
 from taskspec.robot.types import RobotModel
 from taskspec.store import Store, sources
 
@@ -125,6 +125,11 @@ class RigidBody:
         """(q, v) -> the vectors of `ModelTerms.arrays`; made once for arms that are alike."""
         return _function(self)
 
+    @property
+    def loaded_function(self) -> ca.Function:
+        """(q, v, mass) -> the same of an arm that carries a point mass at its tip."""
+        return _loaded_function(self)
+
 
 @lru_cache(maxsize=_KEPT)
 def rigid_body(robot: RobotModel) -> RigidBody:
@@ -155,6 +160,14 @@ def _written(body: RigidBody) -> ca.Function:
     n = body._coupling.n
     q, v = ca.SX.sym("q", n), ca.SX.sym("v", n)
     return ca.Function("terms", [q, v], list(body.terms(q, v).vectors()), {"cse": True})
+
+
+@lru_cache(maxsize=_KEPT)
+def _loaded_function(body: RigidBody) -> ca.Function:
+    n = body._coupling.n
+    q, v, mass = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("load")
+    terms = loaded(body.terms(q, v), mass)
+    return ca.Function("loaded_terms", [q, v, mass], list(terms.vectors()), {"cse": True})
 
 
 class _Moved:

@@ -85,7 +85,7 @@ def _signs(stage: StagePlan) -> dict[str, Interval]:
     Empty where anything but that contact could push the other way.
     """
     task = stage.context.loaded.task
-    if task.equations or task.bushings or task.robot.grasp is not None:
+    if task.equations or task.bushings or task.carried:
         return {}
     signs = {}
     for axis in stage.spec.axes:

@@ -46,6 +46,19 @@ class Box(ToolSurface):
         """(3,) half edges [m]."""
         return np.array(self.size) / 2
 
+    @property
+    def half_sizes(self) -> Vector:
+        """(3,) half edges [m]."""
+        return self.half
+
+    def support(self, n: ca.SX) -> ca.SX:
+        """To its farthest corner."""
+        return ca.dot(ca.DM(self.half), ca.fabs(n))
+
+    def flat_along(self, n: ca.SX) -> ca.SX:
+        """Its faces."""
+        return 1 - n**2
+
     def height(self, x: ca.SX) -> ca.SX:
         """Distance [m] from the nearest face, edge or corner."""
         return outside(ca.fabs(x) - ca.DM(self.half))

@@ -57,6 +57,21 @@ class Cylinder(ToolSurface):
         """Of a part alone."""
         return fixed_part(data)
 
+    @property
+    def half_sizes(self) -> Vector:
+        """(3,) radius, radius, half length [m]."""
+        return np.array([self.radius, self.radius, self.length / 2])
+
+    def support(self, n: ca.SX) -> ca.SX:
+        """To the rim of an end."""
+        across = ca.sqrt(ca.fmax(1 - n[2] ** 2, 0.0))
+        return self.radius * across + self.length / 2 * ca.fabs(n[2])
+
+    def flat_along(self, n: ca.SX) -> ca.SX:
+        """Along its axis at the side, across it at an end."""
+        end = n[2] ** 2
+        return ca.vertcat(end * (1 - n[0] ** 2), end * (1 - n[1] ** 2), 1 - end)
+
     def height(self, x: ca.SX) -> ca.SX:
         """Distance [m] from the side, an end or a rim."""
         return outside(ca.vertcat(radius_about_z(x) - self.radius, ca.fabs(x[2]) - self.length / 2))

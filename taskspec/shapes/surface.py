@@ -251,6 +251,22 @@ class BoundedSurface(Surface):
         A face that lies flat rests on some of them, each with an equal share.
         """
 
+    @property
+    @abstractmethod
+    def half_sizes(self) -> Vector:
+        """(3,) how far it reaches along its own axes [m]."""
+
+    @abstractmethod
+    def support(self, n: ca.SX) -> ca.SX:
+        """How far it reaches along a unit direction (3,), own axes [m]."""
+
+    @abstractmethod
+    def flat_along(self, n: ca.SX) -> ca.SX:
+        """(3,) how flat it is along its own axes where it is touched along n (3,): 1 flat, 0 round.
+
+        None is flat along n.
+        """
+
     @abstractmethod
     def extremes(self) -> tuple[Vector, float]:
         """Points (k, 3) [m] that it reaches furthest with, own axes, and a radius about them."""

@@ -274,6 +274,28 @@ _gain("force.proportional", NUMBER, "proportional gain of a force loop, where it
 _gain("force.integral", FREQUENCY, "integral gain of a force loop, where it varies or follows")
 
 
+def _grip(name: str, dimension: Dimension, meaning: str) -> None:
+    """Enters a signal of the gripper."""
+
+    @signal(
+        name,
+        dimension,
+        of=Index.GRIP,
+        meanings={"": meaning},
+        low=0.0,
+        reference="a reference cannot depend on what the gripper reports",
+        absent="no stage grips",
+    )
+    def _value(at: Situation) -> ca.SX | None:
+        return at.grip.get(name)
+
+
+_grip("force", FORCE, "what each jaw presses with, as the gripper reports it; 0 with nothing in it")
+_grip("slip", LENGTH, "how far what is gripped has slid on the pads since the command last changed")
+_grip("command", FORCE, "what each jaw is commanded to press with; 0 opens the gripper")
+_grip("load", MASS, "mass that has been handed to the arm's model")
+
+
 def _energy(name: str, meaning: str, unmeasured: str = "") -> None:
     """Enters an energy [J] or a power [W] of a stage's law, which states it (`laws.energy`)."""
     stored = name.startswith("energy.")

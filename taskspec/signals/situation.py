@@ -84,6 +84,7 @@ class Situation:
         limited: whether a limit changed the torque of the tick before.
         force_inconsistent: what contacts cannot return of the force set points [N].
         joint_error: of the joint that is farthest from its reference [rad, m].
+        grip: signals of the gripper by the last part of their names; empty in a task without.
         energies: gives the energies and powers of the stage's law by name; empty where it states
             none.
         disturbance: (n,) what the stage's observer estimates [N m, N]; None without one.
@@ -111,6 +112,7 @@ class Situation:
     limited: ca.SX = UNKNOWN
     force_inconsistent: ca.SX = UNKNOWN
     joint_error: ca.SX = UNKNOWN
+    grip: Mapping[str, ca.SX] = field(default_factory=dict)
     energies: Callable[[], Mapping[str, ca.SX]] = dict
     disturbance: ca.SX | None = None
     known: dict[str, ca.SX] = field(default_factory=dict)

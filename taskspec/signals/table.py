@@ -29,6 +29,7 @@ class Index(StrEnum):
     LINK = "link"
     GAIN = "gain"
     ENERGY = "energy"
+    GRIP = "grip"
 
 
 #: What may differ from the truth: the wrench, which is zero while nothing is touched; objects.
@@ -142,6 +143,8 @@ LINK: dict[str, Signal] = {}
 GAIN: dict[str, Signal] = {}
 #: Energies and powers of a law, by their whole name.
 ENERGY: dict[str, Signal] = {}
+#: Of the gripper, by the last part of the name.
+GRIP: dict[str, Signal] = {}
 #: Of an object, by its kind and what follows the object's name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
@@ -154,6 +157,7 @@ _TABLES = {
     Index.LINK: LINK,
     Index.GAIN: GAIN,
     Index.ENERGY: ENERGY,
+    Index.GRIP: GRIP,
 }
 
 
@@ -245,6 +249,8 @@ def find(
             return Entry(gain, on, gain.dimensions[on]) if on in gain.dimensions else None
         case (Index.LINK, name) if name in LINK:
             return Entry(LINK[name], "", LINK[name].dimension)
+        case (Index.GRIP, name) if name in GRIP:
+            return Entry(GRIP[name], "", GRIP[name].dimension)
         case (_, _) if (name := ".".join(path)) in ENERGY:
             return Entry(ENERGY[name], "", ENERGY[name].dimension)
         case _:

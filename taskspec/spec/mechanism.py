@@ -11,6 +11,7 @@ from taskspec.shapes import SHAPES
 from taskspec.spec import values
 from taskspec.spec.alias import Direction
 from taskspec.spec.fields import MECHANISMS, RPY, XYZ
+from taskspec.spec.gripper import LOOSE
 from taskspec.spec.model import Model
 from taskspec.spec.parse_context import ParseContext
 from taskspec.spec.quantities import Constant, IntervalAroundZero
@@ -232,6 +233,11 @@ class Screw(_Turning):
     mass: Annotated[float, Constant(MASS, above=0)] = Field(0.1, title="Mass")
     pitch: Annotated[float, Pitch(LENGTH / ANGLE)] = Field(
         title="Pitch", description="Travel along z in one turn, such as 2 mm/turn"
+    )
+    takes: Annotated[str, LOOSE] | None = Field(
+        None,
+        title="The loose body that is screwed on",
+        description="Its centre is at the origin as the thread catches it",
     )
 
     @property

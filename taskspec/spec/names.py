@@ -55,7 +55,7 @@ def collect_names(context: ParseContext) -> None:
     context.objects = {name: kind_of_object(world.get(name)) for name in sections["world"]}
     handles = [f"{name}.handle" for name in context.of_kind(*MECHANISMS)]
     loose = [name for name, value in world.items() if is_free(mapping(value))]
-    context.held = dict.fromkeys((*handles, *loose))
+    context.held, context.loose = dict.fromkeys((*handles, *loose)), dict.fromkeys(loose)
     posed = context.of_kind("shape", "bushing", *MECHANISMS)
     context.frames = dict.fromkeys((*OWN_FRAMES, *sections["frames"], *posed, *handles))
     _check_unique(sections, context)

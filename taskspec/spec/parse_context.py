@@ -29,6 +29,7 @@ class ParseContext:
         stages: names of all stages, in order.
         objects: names of all objects of the world, with their kind (`signals.OBJECT`).
         held: what a robot may hold: handles and loose bodies.
+        loose: loose bodies.
         targets: where a stage may lead: stages, `end` and `fail`.
         frames: every name that is a frame.
         quiet: ids of mappings in which missing keys are no further mistake.
@@ -44,6 +45,7 @@ class ParseContext:
     stages: dict[str, None] = field(default_factory=dict)
     objects: dict[str, str] = field(default_factory=dict)
     held: dict[str, None] = field(default_factory=dict)
+    loose: dict[str, None] = field(default_factory=dict)
     targets: dict[str, None] = field(default_factory=dict)
     frames: dict[str, None] = field(default_factory=dict)
     quiet: set[int] = field(default_factory=set)

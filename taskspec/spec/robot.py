@@ -9,6 +9,7 @@ from pydantic import Field
 from taskspec.shapes import tool_shapes
 from taskspec.spec.alias import Diameter
 from taskspec.spec.fields import RPY, XYZ
+from taskspec.spec.gripper import Gripper
 from taskspec.spec.model import Model, complete, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.protection import Protection
@@ -285,6 +286,7 @@ class Robot(Model):
         payload: what the plant's tool carries in addition; under `truth` and `vary` alone, for the
             controller does not know of it. None for nothing.
         grasp: the handle or loose body that it holds from the start; None for nothing.
+        gripper: the jaws at the tool tip, which stages close and open.
         sensor: what measures the contact wrench.
         protection: where the robot's own controller stops; None where nobody says.
         command: what its joints are commanded: torques, velocities or positions.
@@ -326,6 +328,9 @@ class Robot(Model):
     )
     grasp: Held | None = Field(
         None, title="What it holds", description="OBJECT.handle, or a loose body"
+    )
+    gripper: Gripper = Field(
+        Gripper(), title="Gripper", description="Two jaws at the tool tip, for 'grip' of stages"
     )
     sensor: Sensor = Field(Sensor(), title="Force sensor")
     protection: Protection | None = Field(

@@ -174,7 +174,21 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
     "Hinge": _with_examples(_MECHANISM, detent=_TURNED_BY),
     "Slide": _with_examples(_MECHANISM, detent=_MOVED_BY),
     "Screw": _with_examples(_MECHANISM, detent=_TURNED_BY)
-    | {"pitch": ("Travel along its axis per angle about it.", ("2 mm/turn",))},
+    | {
+        "pitch": ("Travel along its axis per angle about it.", ("2 mm/turn",)),
+        "takes": ("The loose body that it catches as that comes to its origin.", ("cap",)),
+    },
+    "Gripper": {
+        "axis": ("Of the tool; by default y.", ()),
+        "stroke": ("Distance between the open jaws; 80 mm by default.", ("80 mm",)),
+        "speed": ("At which it changes; 100 mm/s by default.", ("100 mm/s",)),
+        "force": ("The most that each jaw presses with; 70 N by default.", ("70 N",)),
+        "pad": ("Radius of the round pads; 8 mm by default.", ("8 mm",)),
+    },
+    "GripCommand": {
+        "object": ("The loose body that the jaws close on.", ("cap",)),
+        "force": ("What each jaw presses with.", ("20 N",)),
+    },
     "ForceGains": {
         "proportional": (f"Share of the force error that is added at once{_GAIN}", ()),
         "integral": (f"How fast the force error is summed up{_GAIN}", ("12 /s",)),
@@ -273,6 +287,7 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
                     (["0 deg", "-30 deg", "0 deg", "-120 deg", "0 deg", "90 deg", "45 deg"],)),
         "joint_damping": ("Of the real joints, unknown to the controller; by default none.",
                           ("0.5 N*m*s/rad",)),
+        "gripper": ("The jaws at the tip that stages close and open.", ({"force": "70 N"},)),
         "sensor": ("What the controller sees of the contact; by default all, one tick late.",
                    ({"noise": "0.1 N", "filter": "60 Hz"},)),
         "command": ("By default torques; velocities and positions are followed by its servo.", ()),
@@ -315,6 +330,9 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
                ("door",)),
     },
     "Stage": {
+        "grip": ("Closes the gripper on a loose body as the stage begins.",
+                 ({"object": "cap", "force": "20 N"},)),
+        "release": ("Opens the gripper as the stage begins: true, or the body's name.", (True,)),
         "contact": ("What its axes press on; by default its frame's surface, else what is ahead.",
                     ("table",)),
         "axes": ("What each axis of the frame does; those that are not named hold.",

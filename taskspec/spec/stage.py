@@ -16,6 +16,7 @@ from taskspec.modes import MODES
 from taskspec.spec import values
 from taskspec.spec.axis import FORCES, MOTIONS, SHORT, AxisEntry, ByName
 from taskspec.spec.fields import ContactName, FrameName
+from taskspec.spec.gripper import GripCommand, Released
 from taskspec.spec.law import Law, law_of
 from taskspec.spec.limits import Limits
 from taskspec.spec.model import Model, complete, mapping, short_form
@@ -200,6 +201,8 @@ class Stage(Model):
         law: control law; None for that of the task.
         limits: replace those of the task key by key.
         tare: the sensor's mean over this stage becomes its zero.
+        grip: closes the gripper as the stage begins; None for no command.
+        release: opens it; the body that is let go, `gripper.ALL` for any, None for no command.
         allow: faults that a run may have in it.
     """
 
@@ -246,6 +249,10 @@ class Stage(Model):
         False, title="Tare", description="The sensor's mean over this stage becomes its zero"
     )
 
+    grip: GripCommand | None = Field(None, title="Grips a loose body as the stage begins")
+    release: Annotated[str, Released()] | None = Field(
+        None, title="Opens the gripper as the stage begins"
+    )
     allow: Annotated[tuple[str, ...], _ALLOWED] = Field((), title="Faults that a run may have")
 
     @property
@@ -268,6 +275,9 @@ class Stage(Model):
         _check_path_done(data, context)
         _check_modes(data, context)
         _check_joints(data, context)
+        if "grip" in data and "release" in data:
+            message, span = "'release' beside 'grip'", data.node.key_span("release")
+            context.error("TS026", message, span, "make two stages of it: the jaws need a time")
 
 
 def _check_end(data: Map, context: ParseContext) -> None:

@@ -17,6 +17,7 @@ from taskspec.spec.field_type import FieldType
 from taskspec.spec.fields import FrameName
 from taskspec.spec.flow import check_flow
 from taskspec.spec.frame import Frame, check_loops
+from taskspec.spec.gripper import REPORTED
 from taskspec.spec.include import Included
 from taskspec.spec.law import Law
 from taskspec.spec.limits import Limits
@@ -160,6 +161,25 @@ class Task(Model):
     def mechanisms(self) -> dict[str, Mechanism]:
         """Mechanisms with a handle."""
         return mechanisms(self.world)
+
+    @property
+    def gripped(self) -> tuple[str, ...]:
+        """The loose bodies that stages grip, in the order of the world."""
+        named = {stage.grip.object for stage in self.stages.values() if stage.grip is not None}
+        return tuple(name for name in self.world if name in named)
+
+    @property
+    def carried(self) -> tuple[str, ...]:
+        """What the tool's shape does not touch, as it holds it from the start or grips it."""
+        return (*self.gripped, *filter(None, (self.robot.grasp,)))
+
+    @property
+    def reported(self) -> tuple[str, ...]:
+        """What is measured beside joints and wrench: reactions of equations, then of the gripper.
+
+        In the order of `Machine.reactions`.
+        """
+        return (*self.equations, *(REPORTED if self.gripped else ()))
 
     def limits_of(self, stage: Stage) -> Limits:
         """The file's limits, with those of a stage put over them key by key."""

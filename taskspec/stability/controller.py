@@ -70,7 +70,7 @@ class Operating:
         self._terms = PinocchioTerms(context.robot)
         self._now = now_at_start(context.loaded.task)
         self._now[2 + list(context.loaded.task.stages).index(stage.name)] = 1.0
-        self._wrench, self._reactions = np.zeros(6), np.zeros(len(context.equations))
+        self._wrench, self._reactions = np.zeros(6), np.zeros(len(context.loaded.task.reported))
         self._terms.at(context.start, np.zeros(n))
         # The tip may be looked at elsewhere, as `touching` has it.
         self._terms.arrays[4][:] = context.start_p

@@ -84,7 +84,7 @@ def linear_plant(
         period=1.0 / control.plant_rate,
         steps=round(control.plant_rate / control.rate),
         tool=_tool(context) if task.robot.sensor.at == "wrist" else None,
-        equations=len(context.equations),
+        equations=len(task.reported),
         servo=LinearServo.of(task.robot, control, context.start_inertia),
     )
 

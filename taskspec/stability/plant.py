@@ -72,7 +72,7 @@ class LinearPlant:
         period: step of the plant [s].
         steps: of them in one period of control.
         tool: (6, 6) inertia of the tool about the tip, where the sensor feels it; else None.
-        equations: how many the task has.
+        equations: how many reactions the task measures, those of a gripper among them.
         servo: that follows velocities; None where torques are commanded.
     """
 

@@ -303,7 +303,7 @@ def analyse(stage: CompiledStage) -> SampledStage | None:
     there = _at_contact(context, pressed)
     if there is not context:
         context, at = there, at.there(there)
-    wrench, reactions = np.zeros(6), np.zeros(len(context.equations))
+    wrench, reactions = np.zeros(6), np.zeros(len(context.loaded.task.reported))
     sliding = None if meets else _slides(plan, pressed)
     turns = rotation[:, [a.column for a, p in plan.plans.items() if a.is_rotation and p.force]]
     plant = linear_plant(context, context.loaded.task, pressed, sliding=sliding, turns=turns)

@@ -19,6 +19,7 @@ from taskspec.spec.fault import Fault
 from taskspec.spec.followed import Followed
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import GainField
+from taskspec.spec.gripper import GripCommand, Gripper
 from taskspec.spec.joint_expressions import JointExpressions
 from taskspec.spec.joint_targets import JointTargets
 from taskspec.spec.law import ForceGains
@@ -97,6 +98,8 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "sweep": (Sweep,),
     "reward": (Reward,),
     "fault": (Fault,),
+    "gripper": (Gripper,),
+    "grip": (GripCommand,),
 }
 
 

@@ -42,6 +42,7 @@ DIFFERENT = (
     "helix-cut",  # axes that follow another one
     "linkage",  # equations on the tip and on joints
     "linkage-in-joints",  # a motion and a path of joints on a constraint, joint torques
+    "pick-and-screw",  # a body that is gripped, and a thread that takes it
     "peg-in-hole",  # a tool with sides, a cut, retries by condition
     "press-qp",  # a program of limits
     "slot-insertion",  # a box as the tool

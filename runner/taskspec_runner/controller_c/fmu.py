@@ -30,6 +30,12 @@ from taskspec_runner.controller_c.states import BEARS, STATES
 FMI_VERSIONS = (2, 3)
 _FOLDER = Path(__file__).parent / "fmi"
 #: The exponents of its SI units, by the name of a unit.
+#: What a gripper is commanded, and what it reports: unit and text, in the order of a sample.
+GRIP = "gripper.command"
+REPORTS = {
+    "gripper.force": ("N", "what each jaw presses with; 0 with nothing in it"),
+    "gripper.slip": ("m", "how far what is gripped has slid since the jaws closed"),
+}
 _UNITS = {
     "s": {"s": 1},
     "m": {"m": 1},
@@ -175,6 +181,8 @@ def fmu_of(program: Program, fmi: int = 3) -> Fmu:
         "TITLE": program.context.loaded.task.name,
         "COMMAND": CommandedQuantity.of(program).name,
         "VERSION": version("taskspec-robotics"),
+        "GRIPS": str(int(bool(program.context.loaded.task.gripped))),
+        "GRIP_OUT": "f->out.grip" if program.context.loaded.task.gripped else "0.0",
         "PERIOD": number(program.context.period),
         "INPUTS": str(
             sum(v.causality == "input" for v in variables) - len(program.context.loaded.task.live)
@@ -223,11 +231,17 @@ def _variables(program: Program, controller: Controller) -> list[FmuVariable]:
         found.append(
             FmuVariable(f"reaction.{_written(name, i)}", "Float64", "input", text, "0.0", unit)
         )
+    if context.loaded.task.gripped:
+        for name, (unit, text) in REPORTS.items():
+            found.append(FmuVariable(name, "Float64", "input", text, "0.0", unit))
     commanded = CommandedQuantity.of(program)
     units = {"torque": ("N.m", "N"), "velocity": ("rad/s", "m/s"), "position": ("rad", "m")}
     said = f"commanded {commanded.name}, {commanded.of_joint},"
     group = output_group(commanded.name).removesuffix(".")
     of_joints(group, units[commanded.name], "output", said)
+    if context.loaded.task.gripped:
+        text = "what each jaw of the gripper is to press with; 0 opens it"
+        found.append(FmuVariable(GRIP, "Float64", "output", text, None, "N"))
     text = "control periods within a communication step that may lack a sample; more end the task"
     found += [
         FmuVariable("state", "Enumeration", "output", "whether the task goes on", declared="State"),

@@ -204,11 +204,17 @@ def wrench_lines(program: Program, machine: Machine) -> list[str]:
 def _reactions(program: Program) -> list[str]:
     """The equations by number, with units and sign."""
     equations = program.context.equations
+    gripped = program.context.loaded.task.gripped
+    first = len(equations)
+    gripper = [
+        f"{first}: what each jaw of the gripper presses with [N], 0 with nothing in it",
+        f"{first + 1}: how far what is gripped has slid since the jaws closed [m]",
+    ]
     if not equations:
-        return ["Not read: the task has no equations."]
+        return gripper if gripped else ["Not read: the task has no equations."]
     rows = [
         f"{i}: {name} [{'N m' if model.angular else 'N'}]: {model.constraint}"
         for i, (name, model) in enumerate(equations.items())
     ]
     sign = "What the robot applies along the unit gradient of left minus right of each equation."
-    return [sign, *rows]
+    return [sign, *rows, *(gripper if gripped else ())]

@@ -40,6 +40,8 @@ struct Evaluation {
     double *const *results;
 };
 static void ts_evaluate(struct Evaluation *f);"""
+_GRIP_OUT = """
+    double grip; /* what each jaw of the gripper is to press with [N]; 0 opens it */"""
 #: Words of C and C++, which name no structure, and headers of C, which a file may not hide.
 _TAKEN = frozenset(
     "alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl "  # noqa: SIM905
@@ -220,8 +222,10 @@ def _facts(program: Program, machine: Machine, name: str, layout: Layout) -> dic
         "TITLE": loaded.task.name,
         "VERSION": version("taskspec-robotics"),
         "JOINTS": str(robot.n),
-        "REACTIONS": str(len(context.equations)),
-        "REACTION_ROOM": str(max(len(context.equations), 1)),
+        "REACTIONS": str(len(loaded.task.reported)),
+        "REACTION_ROOM": str(max(len(loaded.task.reported), 1)),
+        "GRIP_OUT": _GRIP_OUT if loaded.task.gripped else "",
+        "GRIP_ANSWER": "\n    out->grip = m->now->grip->command[0];" if loaded.task.gripped else "",
         "PERIOD": number(context.period),
         "RATE": f"{1 / context.period:g}",
         "START": ", ".join(number(float(q)) for q in context.start),

@@ -10,7 +10,7 @@ import numpy as np
 
 from taskspec.missing import library
 from taskspec.program.program import Program
-from taskspec_runner.controller_c.fmu import FMI_VERSIONS, fmu_of, output_group
+from taskspec_runner.controller_c.fmu import FMI_VERSIONS, GRIP, REPORTS, fmu_of, output_group
 from taskspec_runner.errors import InputError
 from taskspec_runner.link.library import InLibrary
 
@@ -50,10 +50,11 @@ class ControllerFmu:
                 f"export it again"
             )
         references = {v.name: v.valueReference for v in about.modelVariables}
-        groups = ("position.", "velocity.", "wrench.", "reaction.")
+        groups = ("position.", "velocity.", "wrench.", "reaction.", *REPORTS)
         self._inputs = [references[name] for name in references if name.startswith(groups)]
         commanded = output_group(program.context.drives.commands)
         self._commands = [references[name] for name in references if name.startswith(commanded)]
+        self._grip = [references[name] for name in references if name == GRIP]
         self._state = [references["state"]]
         self._params = [references[name] for name in references if name.startswith("set.")]
         slave = library(f"fmpy.fmi{version}", "--on fmu:PATH")
@@ -80,6 +81,7 @@ class ControllerFmu:
         self._period = program.context.period
         joints = len(self._commands)
         self._sample, self.command = np.zeros(len(self._inputs)), np.zeros(joints)
+        self.grip = np.zeros(len(self._grip))
         ends = np.cumsum([joints, joints, 6])
         self.q, self.v, self.wrench, self.reactions = np.split(self._sample, ends)
         self.state = 0
@@ -96,6 +98,8 @@ class ControllerFmu:
         else:
             self._fmu.doStep(stamp, self._period)
         self.command[:] = self._get(self._commands)
+        if self._grip:
+            self.grip[:] = self._get(self._grip)
         self.state = int(self._get_state(self._state)[0])
 
     def set(self, param: int, value: float) -> None:

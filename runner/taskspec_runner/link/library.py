@@ -27,6 +27,7 @@ class ExportedController(Protocol):
     Attributes:
         q, v, wrench, reactions: of the sample that it is to answer.
         command: (n,) of the last answer, what the joints are commanded.
+        grip: (1,) what each jaw is to press with [N]; (0,) where the task does not grip.
     """
 
     q: Vector
@@ -34,6 +35,7 @@ class ExportedController(Protocol):
     wrench: Vector
     reactions: Vector
     command: Vector
+    grip: Vector
 
     @property
     def state(self) -> int:
@@ -54,17 +56,27 @@ class ControllerLibrary:
         sample: the numbers of the input, in their order in the header.
         q, v, wrench, reactions: of the sample.
         command: (n,) of the last answer, what the joints are commanded.
+        grip: (1,) what each jaw is to press with [N]; (0,) where the task does not grip.
         state: of the last answer, 0 while the task goes on.
         stage: of the last answer.
     """
 
-    def __init__(self, path: Path, controller: Controller, joints: int, reactions: int) -> None:
+    def __init__(
+        self,
+        path: Path,
+        controller: Controller,
+        joints: int,
+        reactions: int,
+        *,
+        grips: bool = False,
+    ) -> None:
         """Loads a library and prepares an instance.
 
         Args:
             path: of the library.
             controller: that it is to be made of.
             joints, reactions: numbers of a sample.
+            grips: whether the task grips.
 
         Raises:
             InputError: it is no library, or not of this controller.
@@ -117,10 +129,12 @@ class ControllerLibrary:
         self.sample = np.zeros(2 * joints + 6 + max(reactions, 1) + 1)
         ends = np.cumsum([joints, joints, 6, reactions])
         self.q, self.v, self.wrench, self.reactions, _ = np.split(self.sample, ends)
-        self._answer = np.zeros(8 * joints + 16, dtype=np.uint8)
+        doubles = 8 * (joints + grips)
+        self._answer = np.zeros(doubles + 16, dtype=np.uint8)
         self.command = self._answer[: 8 * joints].view(np.float64)
+        self.grip = self._answer[8 * joints : doubles].view(np.float64)
         self._given = self._instance, self.sample.ctypes.data, self._answer.ctypes.data
-        self._ends = self._answer[8 * joints :].view(np.int32)
+        self._ends = self._answer[doubles:].view(np.int32)
 
     @property
     def state(self) -> int:
@@ -193,6 +207,8 @@ class LibraryPlant:
             error.ticks = self._ticks
             raise error
         command[:] = self._library.command
+        if self._machine.grip.used:
+            np.asarray(self._machine.grip.command)[:] = self._library.grip
         self._plant.step(command)
         self.diverged = self._plant.arm.diverged
         self._ticks += 1
@@ -229,8 +245,13 @@ class InLibrary:
         """
         context = program.context
         self._path = path
+        task = context.loaded.task
         self._library: ExportedController = ControllerLibrary(
-            path, controller_of(program), context.robot.n, len(context.equations)
+            path,
+            controller_of(program),
+            context.robot.n,
+            len(task.reported),
+            grips=bool(task.gripped),
         )
 
     def assemble(self, program: Program, world: World) -> Assembly[LibraryPlant]:

@@ -211,14 +211,17 @@ class RobotPlant:
         bus = self._bus
         # As measured: nobody knows what is true.
         bus.truth.wrench[:] = self._machine.wrench
-        bus.truth.equations[:] = bus.view("reaction")
+        count = len(bus.view("reaction"))
+        bus.truth.equations[:count] = bus.view("reaction")
+        bus.truth.equations[count:] = self._machine.reactions[count:]
         if bus.linked:
             bus.view("link")[:] = self._late_now, self._lost_now
         if self._last:
             self.diverged = True
         elif not self._held:
             try:
-                self._robot.write(command)
+                grip = self._machine.grip
+                self._robot.write(np.append(command, grip.command[0]) if grip.used else command)
             except LinkError as error:
                 error.ticks = self._ticks
                 raise
@@ -272,7 +275,7 @@ class OnRobot:
         """Assembles the parts of the run; there is no plant."""
         context = program.context
         bus = Bus(context.robot.n, world.task, linked=not self.lock_step)
-        measured = (np.zeros(6), np.zeros(len(context.equations)))
+        measured = (np.zeros(6), np.zeros(len(world.task.reported)))
         views = (bus.view("q"), bus.view("v"), *measured, bus.commanded, bus.outputs)
         machine = program.machine(views, own=dual_solver)
         bus.forget_truth()

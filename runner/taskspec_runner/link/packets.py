@@ -63,7 +63,10 @@ STATE_FIELDS = (
 COMMAND_FIELDS = (
     ("quantity", "what the joints are commanded: 0 torques, 1 velocities, 2 positions"),
     ("joints", "n"),
-    ("reserved", "0"),
+    (
+        "grips",
+        "1 where the task grips, and a last number is what each jaw presses with [N]; else 0",
+    ),
     ("reserved", "0"),
 )
 
@@ -181,9 +184,13 @@ def read_state(body: bytes) -> StateBody:
     return StateBody(flags, stage, missed, visit, time, q, v, wrench, reactions, extras)
 
 
-def command_body(command: Vector, quantity: str = TORQUE) -> bytes:
-    """The body of a command: torques, velocities or positions of the joints (n,)."""
-    head = COMMAND_BODY.pack(COMMANDS.index(quantity), len(command), 0, 0)
+def command_body(command: Vector, quantity: str = TORQUE, *, grips: bool = False) -> bytes:
+    """The body of a command: torques, velocities or positions of the joints (n,).
+
+    Where it grips, a last number is what each jaw is to press with [N].
+    """
+    joints = len(command) - grips
+    head = COMMAND_BODY.pack(COMMANDS.index(quantity), joints, int(grips), 0)
     return head + np.asarray(command).astype("<f8").tobytes()
 
 
@@ -191,17 +198,21 @@ class QuantityError(PacketError):
     """A command of another quantity than the joints take."""
 
 
-def read_command(body: bytes, joints: int, quantity: str = TORQUE) -> Vector:
+def read_command(
+    body: bytes, joints: int, quantity: str = TORQUE, *, grips: bool = False
+) -> Vector:
     """What a command has for so many joints (n,), in the unit of its quantity.
+
+    Where it `grips`, (n + 1,), and the last one is what each jaw is to press with [N].
 
     Raises:
         PacketError: it is none, or its numbers are not finite.
         QuantityError: it is of another quantity.
     """
-    if len(body) != COMMAND_BODY.size + 8 * joints or body[2] != joints:
-        raise PacketError(
-            f"a command for {joints} joints has {COMMAND_BODY.size + 8 * joints} bytes"
-        )
+    size = COMMAND_BODY.size + 8 * (joints + grips)
+    if len(body) != size or (body[2], body[3]) != (joints, grips):
+        jaws = " and a gripper" if grips else ""
+        raise PacketError(f"a command for {joints} joints{jaws} has {size} bytes")
     number = COMMAND_BODY.unpack_from(body)[0]
     if number != COMMANDS.index(quantity):
         known = number < len(COMMANDS)

@@ -13,6 +13,7 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.sensor_zero import sensor_zero
 from taskspec.program.program import Program
 from taskspec.robot import RobotModel
+from taskspec.spec.gripper import REPORTED
 from taskspec.spec.servo import PLURALS, TORQUE
 from taskspec_runner.errors import InputError
 
@@ -58,7 +59,8 @@ class RobotFacts:
         joints: names, in the order of all its vectors.
         period: from one sample to the next [s].
         wrench: `contact` or `reading`.
-        reactions: names of the constraints on joints whose reactions it measures.
+        reactions: names of the constraints on joints whose reactions it measures; last, of a robot
+            with a gripper, what that reports (`spec.gripper.REPORTED`).
         lock_step: whether it waits for the answer to each sample; else its clock goes on.
         command: what its joints take: `torque`, `velocity` or `position`.
     """
@@ -71,6 +73,11 @@ class RobotFacts:
     lock_step: bool = False
     command: str = TORQUE
 
+    @property
+    def grips(self) -> bool:
+        """Whether a last number of each command is what the jaws press with [N]."""
+        return self.reactions[-len(REPORTED) :] == REPORTED
+
     @classmethod
     def of(cls, program: Program, *, lock_step: bool) -> RobotFacts:
         """The requirements of a task on its robot."""
@@ -82,7 +89,7 @@ class RobotFacts:
             tuple(context.robot.joint_names),
             context.period,
             CONTACT if zero is None else READING,
-            tuple(context.equations),
+            task.reported,
             lock_step,
             context.drives.commands,
         )
@@ -123,8 +130,9 @@ class RobotFacts:
             )
         if robot.reactions != self.reactions:
             raise InputError(
-                f"the robot at {where} measures the constraints {_listed(robot.reactions)}, the "
-                f"task has {_listed(self.reactions)}; serve the same task file at both ends"
+                f"beside joints and wrench, the robot at {where} measures "
+                f"{_listed(robot.reactions)}, the task needs "
+                f"{_listed(self.reactions)}; serve the same task file at both ends"
             )
 
 
@@ -180,6 +188,8 @@ class CommandedRobot(Protocol):
 
     def write(self, command: Vector, /) -> None:
         """Answers the last sample with what each joint is commanded (n,).
+
+        Of a task that grips (`facts.grips`) a last number is what each jaw is to press with [N].
 
         Raises:
             LinkError: it cannot be sent.

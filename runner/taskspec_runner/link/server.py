@@ -153,6 +153,7 @@ class PlantServer:
         """
         self._session = secrets.randbelow(0xFFFFFFFE) + 1
         self._takes, self._joints = welcome["robot"]["command"], len(welcome["robot"]["joints"])
+        self._grips = welcome.get("grips", False)
         body = packets.json_body(welcome)
         self._welcome = Packet(packets.WELCOME, self._session, 0, 0.0, body).to_bytes()
         if len(self._welcome) > packets.LONGEST:
@@ -271,12 +272,12 @@ class PlantServer:
         return True
 
     def commanded(self, packet: Packet) -> Vector:
-        """What the joints are commanded (n,) by a packet.
+        """What the joints are commanded (n,) by a packet, last the gripper of a task that grips.
 
         Raises:
             PacketError: it is no command for them.
         """
-        return packets.read_command(packet.body, self._joints, self._takes)
+        return packets.read_command(packet.body, self._joints, self._takes, grips=self._grips)
 
     def send(self, number: int, stamp: float, state: StateBody) -> None:
         """Sends a state."""
@@ -495,9 +496,12 @@ class ServedPlant:
             )
 
     def _hold(self, command: Vector) -> None:
-        """Takes what the joints are commanded (n,), within what they can do."""
-        np.clip(command, -self._most, self._most, out=self._command)
-        self.clipped += not np.array_equal(command, self._command)
+        """Takes what the joints are commanded (n,), within what they can do, and the gripper."""
+        n = len(self._command)
+        if len(command) > n:
+            np.asarray(self._machine.grip.command)[:] = np.maximum(command[n:], 0.0)
+        np.clip(command[:n], -self._most, self._most, out=self._command)
+        self.clipped += not np.array_equal(command[:n], self._command)
 
     def farewell(self, text: str) -> None:
         """Gives the controller the sample that ended the run, and says why it did."""
@@ -593,7 +597,7 @@ def welcome(program: Program, options: ServerOptions) -> dict[str, Any]:
     context = program.context
     robot, facts = context.robot, RobotFacts.of(program, lock_step=not options.free_running)
     limits, hinges = RobotLimits.of(robot), robot.hinges
-    n, outputs = len(facts.joints), dict(fields(len(facts.reactions)))
+    n, outputs = len(facts.joints), dict(fields(len(context.equations)))
     extras = [("gravity", n), ("jacobian", 6 * n), *((name, outputs[name]) for name in _OUTPUTS)]
     live = context.loaded.task.live
     extras += [(name, len(live)) for name in ("param", TARGET) if live]
@@ -621,6 +625,7 @@ def welcome(program: Program, options: ServerOptions) -> dict[str, Any]:
         },
         "wrench": facts.wrench,
         "equations": list(facts.reactions),
+        **({"grips": True} if facts.grips else {}),
         "stages": [stage.name for stage in program.stages],
         **({"params": list(live)} if live else {}),
         "extras": [[name, length] for name, length in extras],

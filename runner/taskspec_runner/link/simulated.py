@@ -50,7 +50,7 @@ class SimulatedRobot:
         self.limits = RobotLimits.of(context.robot)
         self._plant = Plant(context.robot, world.task, truly_holding(context, world.task))
         n, zero = context.robot.n, sensor_zero(task, task.robot.sensor, context.robot)
-        wrench, reactions = np.zeros(6), np.zeros(len(context.equations))
+        wrench, reactions = np.zeros(6), np.zeros(len(task.reported))
         inputs = _Inputs(np.zeros(n), np.zeros(n), wrench, reactions, zero, context.period)
         self._inputs = inputs
         arm, views = self._plant.arm, self._plant.views
@@ -72,6 +72,8 @@ class SimulatedRobot:
         Raises:
             LinkError: the simulation has diverged.
         """
+        if self.facts.grips and self._plant.arm.handling is not None:
+            command, self._plant.arm.handling.source[:] = command[:-1], command[-1]
         self._plant.step(command)
         self._ticks += 1
         alarm = self._plant.alarm() if self._plant.arm.diverged else None

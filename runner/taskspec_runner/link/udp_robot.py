@@ -207,7 +207,7 @@ class UdpRobot:
         self._send_answer(command)
 
     def _send_answer(self, command: Vector) -> None:
-        body = packets.command_body(command, self.facts.command)
+        body = packets.command_body(command, self.facts.command, grips=self.facts.grips)
         packet = Packet(packets.COMMAND, self._session, self._number, 0.0, body)
         self._answer = packet.to_bytes()
         try:

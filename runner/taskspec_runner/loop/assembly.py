@@ -93,9 +93,11 @@ def assemble(
         machine.renew()
         # The plant has written its state into the bus, not what the machine measures.
     else:
-        measured = (np.zeros(6), np.zeros(len(context.equations)))
+        measured = (np.zeros(6), np.zeros(len(world.task.reported)))
         views = (bus.view("q"), bus.view("v"), *measured, bus.commanded, bus.outputs)
         machine = program.machine(views, own=dual_solver)
+    if plant.arm.handling is not None:
+        plant.arm.handling.source = np.asarray(machine.grip.command)
     faults = None
     if world.task.truth.faults:
         # Most tasks have none, and need nothing of them.

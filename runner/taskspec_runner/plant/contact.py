@@ -53,7 +53,8 @@ def add_tool_pairs(
     """
     robot, period = arm.robot, 1.0 / task.control.plant_rate
     for name, shape in task.shapes.items():
-        if name == arm.held:
+        if name in task.carried:
+            # What is gripped lies between the pads, which the tool's shape has no room for.
             continue
         declared, solid = compliance(shape, robot, arm.start, period), surface(shape)
         if whole and (solid.whole() is not None or (robot.tool.flat and touched_whole(solid))):

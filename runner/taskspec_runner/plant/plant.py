@@ -14,6 +14,7 @@ from taskspec.spec import Task
 from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.equations import Equations
 from taskspec_runner.plant.grasp import Grip
+from taskspec_runner.plant.handling import Handling, handles, taken
 from taskspec_runner.plant.joint_servo import JointServo
 from taskspec_runner.plant.loose import LooseBodies, loose
 from taskspec_runner.plant.mechanisms import Mechanisms
@@ -48,6 +49,7 @@ class PlantArm:
         grip: what it holds something with; None where it holds nothing.
         equations: the springs of constraints on it, and bushings; None where there are none.
         rigid: the constraints that hold exactly; None where there are none.
+        handling: grips loose bodies, and what takes them; None where nothing does.
         servo: follows what its joints are commanded; None where these are torques.
         forces: writes the wrenches and forces, and what of the state has no view.
         sensor: the true one.
@@ -68,14 +70,13 @@ class PlantArm:
         self.tip_rotation = data.xmat[places.tip]
         self.diverged = False
         self._model, self._data = model, data
+        own = views.equations[: len(task.equations)]
         exact = [each.exact for each in task.equations.values()]
         sprung = bool(task.bushings) or not all(exact)
-        self.equations = (
-            Equations(model, data, arm, task, views.equations, views.bushings) if sprung else None
-        )
-        self.rigid = (
-            RigidConstraints(model, data, arm, task, views.equations) if any(exact) else None
-        )
+        self.equations = Equations(model, data, arm, task, own, views.bushings) if sprung else None
+        self.rigid = RigidConstraints(model, data, arm, task, own) if any(exact) else None
+        report = views.equations[len(task.equations) :]
+        self.handling = Handling(model, data, arm, task, report) if handles(task) else None
         self.servo = (
             None if arm.declared.takes_torques else JointServo(model, data, arm, task, views)
         )
@@ -100,6 +101,8 @@ class PlantArm:
                 efforts = {arm.held: self.grip.effort}
             else:
                 objects[list(task.shapes).index(arm.held)] = self.grip.effort
+        if self.handling is not None:
+            efforts |= self._of_handling(task, objects, wiring)
         for name, effort in _pushed(scene, sensed, task).items():
             efforts[name] = efforts.get(name, 0) + effort
         for i, name in enumerate(task.mechanisms):
@@ -125,7 +128,19 @@ class PlantArm:
                 on_tip[3:] += wiring.reads("moments", self.equations.about_tip)
         if self.rigid is not None:
             on_tip += wiring.reads("rigid", self.rigid.on_tip)
+        if self.handling is not None:
+            on_tip[:3] += wiring.reads("pads", self.handling.on_tip)
+            on_tip[3:] += wiring.reads("pad_moments", self.handling.about_tip)
         return on_tip
+
+    def _of_handling(self, task: Task, objects: list[ca.SX], wiring: Wiring) -> dict[str, ca.SX]:
+        """What bodies apply to the screws that take them; adds the pads' forces to `objects`."""
+        assert self.handling is not None
+        held = wiring.reads("held", self.handling.object_forces)
+        for i, name in enumerate(task.gripped):
+            objects[list(task.shapes).index(name)] += held[i]
+        efforts = wiring.reads("screwed", self.handling.efforts)
+        return {name: efforts[i] for i, name in enumerate(taken(task))}
 
     def put(self, q: Vector, v: Vector | None = None) -> None:
         """Puts the joints at positions q (n,), and velocities v (n,); None leaves these."""
@@ -182,7 +197,8 @@ class Plant:
         self.moving_bases = MovingBases(model, data, task) if moving(task) else None
         self.loose = LooseBodies(model, data, task) if loose(task) else None
         detents = None if self.mechanisms is None else self.mechanisms.detents
-        self.simple = not (arm.equations or arm.rigid or arm.servo or self.moving_bases or detents)
+        applied = arm.equations or arm.rigid or arm.handling
+        self.simple = not (applied or arm.servo or self.moving_bases or detents)
         self._still = self.mechanisms is None and self.loose is None
         self._settle()
         self._read_state()
@@ -199,6 +215,8 @@ class Plant:
             data.qfrc_applied[joints] = data.qfrc_bias[joints] - data.qfrc_passive[joints]
         if not self.simple:
             self._apply()
+        if arm.handling is not None:
+            arm.handling.begin()
         if arm.rests or not self.simple:
             mujoco.mj_forward(model, data)
             data.qfrc_applied[:] = 0.0
@@ -207,6 +225,8 @@ class Plant:
         """Adds the forces that depend on the pose of this instant."""
         if self.arm.equations is not None:
             self.arm.equations.apply()
+        if self.arm.handling is not None:
+            self.arm.handling.apply()
         if self.mechanisms is not None:
             self.mechanisms.apply()
 
@@ -221,7 +241,9 @@ class Plant:
         """
         if not self._still:
             self._read_state()
-        servo = self.arm.servo
+        servo, handling = self.arm.servo, self.arm.handling
+        if handling is not None:
+            handling.command[:] = handling.source
         if servo is None:
             self.arm.torque[:] = command
         else:

@@ -20,7 +20,8 @@ class PlantViews:
     Attributes:
         wrench: (6,) by the environment on the tool tip, world axes [N, N m].
         objects: (shapes,) magnitude of the contact force with each shape [N].
-        equations: (equations,) what the robot applies along each unit gradient [N, N m].
+        equations: (equations,) what the robot applies along each unit gradient [N, N m]; last, in
+            a task that grips, what the gripper reports [N, m].
         mechanism_positions: (mechanisms,) coordinates at the tick [rad, m].
         mechanism_rates: (mechanisms,) their rates at the tick [rad/s, m/s].
         mechanism_efforts: (mechanisms,) what the robot applies to each coordinate [N m, N].
@@ -55,7 +56,7 @@ def view_fields(task: Task, joints: int) -> list[tuple[str, int]]:
     lengths = {
         "wrench": 6,
         "objects": len(task.shapes),
-        "equations": len(task.equations),
+        "equations": len(task.reported),
         "mechanism_positions": mechanisms,
         "mechanism_rates": mechanisms,
         "mechanism_efforts": mechanisms,

@@ -16,7 +16,7 @@ from taskspec.program import ports
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
-from taskspec.signals import GAIN, JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
+from taskspec.signals import GAIN, GRIP, JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
 from taskspec.signals.table import MEASURED, REFERENCE
 from taskspec.spec import Task
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
@@ -259,6 +259,7 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
         yield Column("residual", "", "residual")
     yield from _of_gains(task, axes)
     yield from _of_params(task)
+    yield from _of_grip(task)
     yield from _of_joints(robot, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
@@ -291,6 +292,17 @@ def _of_params(task: Task) -> Iterator[Column]:
     """The columns of the params that may be set while a stage runs."""
     for i, (name, param) in enumerate(task.live.items()):
         yield Column(param_column(name), si_unit(param.dimension), "param", i)
+
+
+def _of_grip(task: Task) -> Iterator[Column]:
+    """The columns of the gripper: what it reports, what it is commanded, and the load."""
+    if not task.gripped:
+        return
+    first = len(task.equations)
+    rows = {"force": ("equations", first), "slip": ("equations", first + 1)}
+    rows |= {"command": ("grip", 0), "load": ("grip", 1)}
+    for name, (field, row) in rows.items():
+        yield Column(f"{Index.GRIP}.{name}", si_unit(GRIP[name].dimension), field, row)
 
 
 def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:

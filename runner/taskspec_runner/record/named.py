@@ -32,8 +32,8 @@ def _signal_of(meaning: Meaning) -> str:
         return f"{meaning.subject}.{meaning.name}"
     if meaning.kind == "gain":
         return f"gain.{meaning.name}.{meaning.subject}"
-    if meaning.kind == "link":
-        return f"link.{meaning.name}"
+    if meaning.kind in ("link", "grip"):
+        return f"{meaning.kind}.{meaning.name}"
     # An energy has its whole name.
     return f"{meaning.name}.{meaning.axis}" if meaning.axis else meaning.name
 

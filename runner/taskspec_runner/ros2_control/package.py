@@ -22,6 +22,7 @@ from taskspec.program.program import Program
 from taskspec.robot import RobotModel
 from taskspec.robot.rigid_body import rigid_body
 from taskspec.spec import Robot
+from taskspec.spec.gripper import REPORTED
 from taskspec.spec.params import LiveParam
 from taskspec.text.units import in_si
 from taskspec_runner.controller_c.commanded import CommandedQuantity
@@ -83,6 +84,22 @@ class RosPackage:
         return paths
 
 
+#: What the plugin of a task that grips has in addition, by its places in the template.
+_GRIPPER = {
+    "GRIP_DECLARED": '\n    auto_declare<std::string>("gripper", "gripper/effort");',
+    "GRIP_CLAIMED": (
+        '\n    commands_.push_back(prefix + node->get_parameter("gripper").as_string());'
+    ),
+    "GRIP_WRITTEN": (
+        "\n    written = command_interfaces_[JOINTS].set_value(output_.grip) && written;"
+    ),
+}
+_GRIPPER_ROW = (
+    "| `gripper` | `gripper/effort` | the command interface of the force of each jaw "
+    "[N], 0 opens it; the example's robot has no gripper |\n"
+)
+
+
 def package_of(program: Program) -> RosPackage:
     """The package of a program's controller.
 
@@ -126,6 +143,9 @@ def _parts(
     zero = sensor_zero(task, task.robot.sensor, robot)
     weighs = zero is not None and task.robot.sensor.at == "wrist"
     reactions = [f"{name}/reaction" for name in equations]
+    grips = bool(task.gripped)
+    if grips:
+        reactions += [name.replace(".", "/") for name in REPORTED]
     weight = {"WEIGHT": _WEIGHED if weighs else _UNWEIGHED}
     return {
         "NAME": made.name,
@@ -142,7 +162,8 @@ def _parts(
         "JOINT_LIST": ", ".join(map(json.dumps, robot.joint_names)),
         "JOINT_DEFAULT": ", ".join(f"`{name}`" for name in robot.joint_names),
         "REACTION_LIST": ", ".join(map(json.dumps, reactions)),
-        "REACTION_NAMES": ", ".join(equations),
+        "REACTION_NAMES": ", ".join(task.reported),
+        **{key: text if grips else "" for key, text in _GRIPPER.items()},
         **_commanded(program),
         "WEIGHS": "true" if weighs else "false",
         "START_ROWS": "".join(
@@ -163,7 +184,8 @@ def _parts(
             "itself: hardware that measures or estimates them exports them |\n"
             if reactions
             else ""
-        ),
+        )
+        + (_GRIPPER_ROW if grips else ""),
         "PARAM_ROWS": "".join(_param_row(name, p) for name, p in task.live.items()),
         "WRENCH_ROWS": ("" if weighs else _WEIGHT_ROW) + (_WORLD_ROW if zero is None else ""),
         "WRENCH_MEANING": _filled(

@@ -44,6 +44,7 @@ register(
         "TS445": "a torque that changes faster than the robot's protection lets it",
         "TS508": "a stage that oscillates",
         "TS510": "a stage that gains energy in the trial, by gains that vary",
+        "TS521": "a body that slips in the gripper in the trial",
         "TS611": "a guard that does not hold in time",
         "TS613": "a guard that holds as its stage begins",
         "TS614": "a guard that holds with nothing touched",
@@ -76,6 +77,8 @@ _LIMIT_CODES = {
     "frame_left": "TS425",
     "gain": "TS219",
 }
+#: A body that slides no farther than this on its pads is held [m].
+_SLIDES = 0.1e-3
 #: A mode that is damped less than this is the one that shows in a noisy signal.
 _PASSES_NOISE_ON = 0.3
 #: Share of a signal's greatest value below which its least one counts as zero.
@@ -111,6 +114,7 @@ def reported(trials: Sequence[Trial]) -> Iterator[Finding]:
             yield _end(each, further)
         ended.add(each.outcome.stage)
     last = trials[-1]
+    yield from _slips(last)
     if last.outcome.status == "done":
         passed = {each.outcome.stage for each in trials[:-1]}
         for finding in last.faults:
@@ -380,6 +384,38 @@ def _of_run(trial: Trial, finding: RunFinding) -> Finding:
     if cause is None:
         return warning("TS508", text, place, "lower the gains of its loop, or approach more slowly")
     return warning("TS508", f"{text}: {cause.text}", cause.place or place, cause.hint)
+
+
+def _slips(trial: Trial) -> Iterator[Finding]:
+    """Stages in which a body slides on the pads, or out of the jaws: the first of each."""
+    task = trial.program.context.loaded.task
+    if not task.gripped:
+        return
+    columns = trial.history.columns
+    force, slip, command = (columns[f"grip.{name}"] for name in ("force", "slip", "command"))
+    told: set[str] = set()
+    for visit in trial.history.visits():
+        ticks = slice(visit.first, visit.last + 1)
+        closed = command[ticks] > 0
+        # The first tick's command is that of the stage, what is reported belongs to the one before.
+        slid = float(_spread(slip[ticks][1:][closed[1:]]))
+        held = np.flatnonzero((force[ticks] > 0) & closed)
+        lost = held.size > 0 and closed[-1] and force[ticks][-1] == 0
+        if visit.stage in told or not (lost or slid > _SLIDES):
+            continue
+        told.add(visit.stage)
+        place = key_of(FILE.stages[visit.stage])
+        hint = "press harder, move more gently, or answer it: fail_if: grip.slip > 1 mm"
+        if lost:
+            text = f"in the trial, stage {visit.stage!r} loses what is gripped: it slips out"
+            yield warning("TS521", text, place, hint)
+        else:
+            text = f"in the trial, what is gripped slips by {show(slid, 'mm', 2)} in stage "
+            yield info("TS521", f"{text}{visit.stage!r}", place, hint)
+
+
+def _spread(values: np.ndarray) -> float:
+    return np.ptp(values) if values.size else 0.0
 
 
 def _gained(trial: Trial) -> Iterator[Finding]:

@@ -57,7 +57,7 @@ class NotMappedError(InputError):
 
 def reasons(plan: TaskPlan) -> list[Reason]:
     """All reasons that a plan shows, in the order of the file; none of a task that maps."""
-    found = dict.fromkeys((*_of_robot(plan), *_of_world(plan), *_of_law(plan)))
+    found = dict.fromkeys((*_of_robot(plan), *_of_gripper(plan), *_of_world(plan), *_of_law(plan)))
     for stage in plan.stages.values():
         found |= dict.fromkeys(_of_stage(plan, stage))
     return list(found)
@@ -73,6 +73,14 @@ def _of_robot(plan: TaskPlan) -> Iterator[Reason]:
         else:
             text = f"the robot starts with {robot.grasp!r} in its gripper: a program grips it first"
         yield Reason(FILE.robot.grasp, text)
+
+
+def _of_gripper(plan: TaskPlan) -> Iterator[Reason]:
+    for name, stage in plan.context.loaded.task.stages.items():
+        if stage.grip is not None:
+            text = "URScript has no gripper of its own: each maker's has commands of its own"
+            yield Reason(FILE.stages[name].grip, text)
+            return
 
 
 def _of_world(plan: TaskPlan) -> Iterator[Reason]:

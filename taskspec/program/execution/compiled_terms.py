@@ -16,10 +16,18 @@ Vector = NDArray[np.float64]
 class CompiledTerms(ModelTerms):
     """The model terms as `RigidBody` writes them down."""
 
-    def __init__(self, robot: RobotModel, q: Vector | None = None, v: Vector | None = None) -> None:
-        super().__init__(robot, q, v)
-        function = rigid_body(robot).function
-        self.bound = BoundFunction(function, (self.q, self.v), self.arrays)
+    def __init__(
+        self,
+        robot: RobotModel,
+        q: Vector | None = None,
+        v: Vector | None = None,
+        load: Vector | None = None,
+    ) -> None:
+        super().__init__(robot, q, v, load)
+        body = rigid_body(robot)
+        given = (self.q, self.v) if load is None else (self.q, self.v, load)
+        function = body.function if load is None else body.loaded_function
+        self.bound = BoundFunction(function, given, self.arrays)
 
     def update(self) -> None:
         """Evaluates all terms at `q` and `v`."""

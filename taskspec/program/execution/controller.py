@@ -14,6 +14,7 @@ from taskspec.native.quadratic import INFEASIBLE, SOLVED, solve
 from taskspec.program.evaluation import evaluate
 from taskspec.program.execution.controller_memory import ControllerMemory
 from taskspec.program.execution.exits import RESTS, enter, follows
+from taskspec.program.execution.gripping import begin_stage, hand_load
 from taskspec.program.execution.live_params import move
 from taskspec.program.execution.pivots import select
 from taskspec.program.execution.stage_solver import EXACT, HELD_TICKS, WORST_RESIDUAL
@@ -30,6 +31,7 @@ UNKNOWN = -3
 
 def tick(c: ControllerMemory) -> bool:
     """Evaluates the law into memory of its own; whether the tick may be done here."""
+    hand_load(c.grip)
     _measure(c)
     _renew(c)
     return _law(c)
@@ -160,6 +162,7 @@ def control(c: ControllerMemory) -> int:
     The event that ends the stage, for `leave`; 0 for none; UNANSWERED where the program has had no
     answer for too long, DIVERGED where numbers are not those of a sane arm.
     """
+    hand_load(c.grip)
     _measure(c)
     _renew(c)
     copy(c.torque, c.torque_before, c.n)
@@ -273,6 +276,7 @@ def begin(c: ControllerMemory, after: ControllerMemory, again: int) -> None:
     after.carries = c.carries_of[max(int(c.outputs[0]), 1) - 1]
     enter(c.exits, after.stage, again != 0)
     now[2 + after.stage] += 1.0
+    begin_stage(c.grip, after.stage)
     after.ticks, after.stage_ticks, after.estimate_ticks = c.ticks, 0, 0
     if c.zeroed.code != 0:
         zero(c.taring_total, 6)

@@ -15,6 +15,7 @@ from taskspec.program.evaluation import Evaluation, Evaluations
 from taskspec.program.events import FAIL_IF, REACTION
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.exits import ExitTable
+from taskspec.program.execution.gripping import GripTable
 from taskspec.program.execution.live_params import LiveTable
 from taskspec.program.limits.holding import Holding
 from taskspec.program.limits.relaxing import Relaxing
@@ -58,6 +59,9 @@ class ControllerMemory(Evaluations):
 
     # params that may be set while it runs
     live: LiveTable
+
+    # the gripper
+    grip: GripTable
 
     # how far it is
     ticks: int  # of the run
@@ -230,7 +234,7 @@ def _shared(machine: Machine) -> ControllerMemory:
     record.terms = Evaluation(machine.terms.bound)
     inertia, _, gravity, _, position, rotation, _ = machine.terms.arrays
     handed, stages = slices(HANDED), [runner.stage for runner in machine.runners]
-    record.exits, record.live = machine.counts, machine.live.table
+    record.exits, record.live, record.grip = machine.counts, machine.live.table, machine.grip
     record.take(
         inertia=inertia,
         gravity=gravity,

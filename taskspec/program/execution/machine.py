@@ -22,6 +22,7 @@ from taskspec.program.execution.exits import (
     repeats,
 )
 from taskspec.program.execution.fade_out import FadeOut, unanswered
+from taskspec.program.execution.gripping import begin_stage, grip_table, hand_load
 from taskspec.program.execution.live_params import LiveParams
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec.program.execution.stage_runner import StageRunner
@@ -96,6 +97,7 @@ class Machine:
         now: stage time, run time [s], how often each stage has been entered, and the params that
             may be set, with their rates.
         live: these params.
+        grip: the gripper.
         estimation: what is measured for later stages.
         counts: which stage follows an event, and how often stages have been entered.
         handed: the numbers of `handed_of`, as the current stage got them.
@@ -130,11 +132,14 @@ class Machine:
         self.period = period
         self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
-        self.terms = terms(robot, self.q, self.v)
-        self.drives = stages[0].plan.context.drives
-        self.rest = self.terms.gravity if self.drives.torques else np.zeros(robot.n)
         task = stages[0].plan.context.loaded.task
         self.now = now_at_start(task)
+        self.grip = grip_table(task, self.now, self.reactions)
+        self._grips = bool(self.grip.used)
+        load = (np.asarray(self.grip.load),) if self._grips else ()
+        self.terms = terms(robot, self.q, self.v, *load)
+        self.drives = stages[0].plan.context.drives
+        self.rest = self.terms.gravity if self.drives.torques else np.zeros(robot.n)
         self.live = LiveParams(task.live, self.now, first_live(task))
         self._moves = bool(self.live)
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
@@ -183,6 +188,8 @@ class Machine:
             array[:] = 0.0
         self.now[:] = self._declared
         self.live.renew()
+        for held in (self.grip.mass, self.grip.full):
+            np.asarray(held)[:] = 0.0
         self._fading.reset()
         if self.sensor is not None:
             self.sensor.renew()
@@ -246,6 +253,7 @@ class Machine:
 
     def update_terms(self) -> None:
         """Evaluates the model terms and the contact wrench at the measured joint state."""
+        hand_load(self.grip)
         self.terms.update()
         if self.sensor is not None:
             self.sensor.correct(self.terms.tip()[1], self.wrench)
@@ -257,6 +265,8 @@ class Machine:
             0.0 while the current stage goes on; otherwise the event's number has been dealt with:
             the machine has moved to another stage (and computed its first torque) or has ended.
         """
+        if self._grips:
+            hand_load(self.grip)
         self.terms.update()
         if self.sensor is not None:
             self.sensor.correct(self.terms.tip()[1], self.wrench)
@@ -447,6 +457,7 @@ class Machine:
         self.index, self.runner = index, self.runners[index]
         self.stage_ticks, self.t = 0, 0.0
         self.now[2 + index] += 1
+        begin_stage(self.grip, index)
         self.estimation.begin(self.runner.stage)
 
     def _enter(self, clock: float) -> None:

@@ -76,10 +76,10 @@ class ContactRow:
 
 def all_objects(context: Context, first: Sequence[str]) -> tuple[str, ...]:
     """Objects `first`, then the others that the tool may touch; none where there is no first."""
-    held = context.loaded.task.robot.grasp
+    carried = context.loaded.task.carried
     if not first:
         return ()
-    return (*first, *(o for o in context.surfaces if o not in first and o != held))
+    return (*first, *(o for o in context.surfaces if o not in first and o not in carried))
 
 
 def shape_rows(

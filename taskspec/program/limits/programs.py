@@ -72,7 +72,7 @@ def resolve(
     # A limit on the contact force is one on that of every object that the tool may touch.
     capped = objects if limits.force is None else all_objects(context, objects)
     pressed, gaps = plan.contacts.pressed, measurement.gaps
-    contacts = shape_rows(context, capped, pressed, measurement.world, inputs.wrench, gaps, clock)
+    contacts = shape_rows(context, capped, pressed, measurement.world, inputs.contact, gaps, clock)
     on_equations = [
         equation_contact(
             row, name, measurement.reactions[name], context.compliances[name].stiffness
@@ -183,7 +183,7 @@ def _velocities(
 def _environment(context: Context, measurement: Measurement) -> ca.SX:
     """Torque (n,) that the environment exerts on the joints, as far as it is measured."""
     v = measurement.inputs.v
-    torque = measurement.world.J.T @ measurement.inputs.wrench
+    torque = measurement.world.J.T @ measurement.inputs.contact
     for name, row in measurement.rows.items():
         if row.model.joints:
             torque -= row.J.T * measurement.reactions[name]
@@ -216,7 +216,7 @@ def _generators(
             towards += direction * requests.values[i]
     found: list[Generator] = []
     if axes and plan.contacts.gripped:
-        at = kinematics.control_point(world, measurement.inputs.wrench, None)
+        at = kinematics.control_point(world, measurement.inputs.contact, None)
         J = ca.vertcat(at.J[:3, :] - ca.skew(offset) @ at.J[3:, :], at.J[3:, :])
         found += grip_generators(resolve_axes, J)
     elif axes:

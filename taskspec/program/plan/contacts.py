@@ -51,7 +51,7 @@ class StageContacts:
     def surface(self) -> str | None:
         """The object that the frame follows or is fixed on, and that forces then act on."""
         owner = self._frame.surface_name or self._frame.owner
-        here = owner in self._context.surfaces and owner != self._context.loaded.task.robot.grasp
+        here = owner in self._context.surfaces and owner not in self._context.loaded.task.carried
         return owner if here else None
 
     @cached_property

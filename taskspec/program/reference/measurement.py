@@ -118,13 +118,13 @@ def measure(plan: StagePlan) -> Measurement:
     face = kinematics.new_face(parameters, frame, "frame")
     if frame.tracking is not None:
         face = tracked_frames.symbols(memory)
-    placed = signals.place(robot, frame, plan.moving_base, world, inputs.wrench, now, offset, face)
+    placed = signals.place(robot, frame, plan.moving_base, world, inputs.contact, now, offset, face)
     base, terms, point, at = placed.moving_base, placed.terms, placed.point, placed.at
     rows = equation_rows(context.equations, world, inputs.q, inputs.v, now)
-    measured = reactions(rows, inputs.wrench, inputs.reactions)
+    measured = reactions(rows, inputs.contact, inputs.reactions)
     gaps = signals.gaps(robot, context.surfaces, world.p, world.R, context.moving_bases, now)
     elsewhere = signals.SignalsElsewhere(
-        robot, context.frames, world, inputs.wrench, offset, context.moving_bases, now, parameters
+        robot, context.frames, world, inputs.contact, offset, context.moving_bases, now, parameters
     )
     situation = placed.situation(plan.axes)
     situation.t = clock.t
@@ -133,6 +133,7 @@ def measure(plan: StagePlan) -> Measurement:
     situation.joint_error = ca.SX(0)
     situation.start = parameters.add("entry", 3)
     situation.q, situation.v = inputs.q, inputs.v
+    situation.grip = inputs.grip
     situation.contact = plan.contacts.of_gap
     situation.visits = {stage: inputs.now[2 + i] for i, stage in enumerate(task.stages)}
     kinds = {name: thing.kind for name, thing in task.world.items()}
@@ -147,7 +148,7 @@ def measure(plan: StagePlan) -> Measurement:
             name: ObjectState("bushing", displacement=bushing.coordinates(world.p, world.R))
             for name, bushing in context.bushings.items()
         },
-        **mechanism_state(tracked, context.held, world, inputs.wrench),
+        **mechanism_state(tracked, context.held, world, inputs.contact),
     }
     return Measurement(
         inputs=inputs,
@@ -195,7 +196,8 @@ def _inputs(context: Context) -> ports.Inputs:
         v=v,
         terms=model_terms.symbols(context.robot, v),
         wrench=ca.SX.sym("wrench", 6),
-        reactions=ca.SX.sym("reactions", len(context.equations)),
+        reactions=ca.SX.sym("reactions", len(task.reported)),
+        grips=bool(task.gripped),
     )
 
 
@@ -205,7 +207,8 @@ def _clock(task: Task, inputs: ports.Inputs) -> Clock:
     if not live:
         return Clock(t, clock)
     first = ports.first_live(task)
-    return Clock(t, clock, inputs.now[first : first + live], inputs.now[first + live :])
+    rates = inputs.now[first + live : first + 2 * live]
+    return Clock(t, clock, inputs.now[first : first + live], rates)
 
 
 def _constants(task: Task, clock: Clock) -> dict[str, ca.SX]:

@@ -119,7 +119,7 @@ def _updates(
         measurement.tracked.updates() if measurement.tracked is not None else {}
     )
     if plan.frame.tracking is not None:
-        force, velocity = measurement.inputs.wrench[:3], measurement.tool.velocity
+        force, velocity = measurement.inputs.contact[:3], measurement.tool.velocity
         now = tracked_frames.tracked(plan.frame, force, velocity)
         period = plan.context.period
         updates |= tracked_frames.updates(plan.frame, measurement.memory, now, period)

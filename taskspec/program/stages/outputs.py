@@ -109,6 +109,7 @@ def outputs(
         _gains(measurement, commanded),
         ca.SX(0, 1) if measurement.clock.live is None else measurement.clock.live,
         _disturbance(measurement, observed),
+        inputs.now[-2:] if inputs.grips else ca.SX(0, 1),
     )
 
 

@@ -40,7 +40,7 @@ def protection_conditions(plan: StagePlan, measurement: Measurement) -> Iterator
     if protection is None:
         return
     yield from _joints(plan, measurement, protection)
-    twist, wrench = measurement.world.twist, measurement.inputs.wrench
+    twist, wrench = measurement.world.twist, measurement.inputs.contact
     sizes = {
         ("tip", "speed"): ca.norm_2(twist[:3]),
         ("turn", "speed"): ca.norm_2(twist[3:]),

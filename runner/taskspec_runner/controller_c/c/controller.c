@@ -174,7 +174,7 @@ static int32_t host_answer(struct @NAME@ *m, struct @NAME@_output *out, int32_t 
 {
     int i;
     for (i = 0; i < @JOINTS@; i++) out->@COMMAND@[i] = m->answer[i] = m->now->torque[i];
-    out->state = m->state;
+    out->state = m->state;@GRIP_ANSWER@
     out->stage = (int32_t)m->now->stage;
     out->lost = lost;
     return m->state;

@@ -80,7 +80,7 @@ struct @NAME@_input {
 
 /* The answer to a sample. It begins with what is commanded. */
 struct @NAME@_output {
-    double @COMMAND@[@JOINTS@]; /* @MEANS@ */
+    double @COMMAND@[@JOINTS@]; /* @MEANS@ */@GRIP_OUT@
     int32_t state; /* of enum @NAME@_state */
     int32_t stage; /* its number, as above */
     int32_t lost; /* samples lost before this one */

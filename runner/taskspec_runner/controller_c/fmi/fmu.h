@@ -17,7 +17,8 @@ enum {
     FMU_TIME = 0,
     FMU_INPUTS = @INPUTS@,
     FMU_COMMAND = FMU_INPUTS + 1,
-    FMU_STATE = FMU_COMMAND + @UPPER@_JOINTS,
+    FMU_GRIP = FMU_COMMAND + @UPPER@_JOINTS, /* of a task that grips */
+    FMU_STATE = FMU_GRIP + @GRIPS@,
     FMU_STAGE,
     FMU_LOST,
     FMU_EVENT,
@@ -117,7 +118,9 @@ static bool fmu_get_number(struct fmu *f, uint32_t reference, double *value)
         *value = f->time;
     else if (reference <= FMU_INPUTS)
         memcpy(value, (const char *)&f->in + (reference - 1) * sizeof *value, sizeof *value);
-    else if (reference < FMU_STATE)
+    else if (reference >= FMU_GRIP && reference < FMU_STATE)
+        *value = @GRIP_OUT@;
+    else if (reference < FMU_GRIP)
         *value = f->out.@COMMAND@[reference - FMU_COMMAND];
     else if (reference >= FMU_SET && reference < FMU_PARAM)
         *value = f->set[reference - FMU_SET];

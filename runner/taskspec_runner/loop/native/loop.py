@@ -316,6 +316,26 @@ def _plant(record: TickMemory, plant: Plant) -> None:
             grip_first=rows.itemsize * arm.grip.first,
             grip_bytes=rows.nbytes,
         )
+    if arm.handling is not None:
+        handling = arm.handling
+        record.handling = Evaluation(handling.function)
+        record.take(
+            body_kind=int(XBODY),
+            tip_body=handling.body,
+            applied_at=data.qfrc_applied.ctypes.data,
+            tip=handling.tip,
+            n_handled=len(handling.dofs),
+            n_handling=len(handling.memory),
+            handled_dof=handling.dofs,
+            handling_twist=handling.twist,
+            handling_on_tip=handling.on_tip,
+            handling_about_tip=handling.about_tip,
+            handling_forces=handling.forces,
+            handling_memory=handling.memory,
+            handling_kept=handling.kept,
+            grip_source=handling.source,
+            grip_command=handling.command,
+        )
     if plant.mechanisms is not None:
         mechanisms = plant.mechanisms
         record.take(

@@ -35,6 +35,7 @@ class TickMemory(Evaluations):
     forces: Evaluation
     moving: Evaluation
     equations: Evaluation
+    handling: Evaluation
     rigid: Evaluation
     detents: Evaluation
     servo: Evaluation
@@ -82,6 +83,8 @@ class TickMemory(Evaluations):
     n_loose: int  # numbers of their poses
     n_moving: int  # driven coordinates
     n_detents: int
+    n_handled: int  # degrees of freedom of bodies that are gripped, and of what takes them
+    n_handling: int  # numbers that the grip remembers
     n_warnings: int
     look_every: int  # ticks from look to look at the simulator
     cartesian: int  # whether an equation acts on the tip
@@ -170,6 +173,14 @@ class TickMemory(Evaluations):
     rigid_next_broyden: Vector
     constraint_forces: Vector
     detent_forces: Vector
+    handling_twist: Vector
+    handling_on_tip: Vector
+    handling_about_tip: Vector
+    handling_forces: Vector
+    handling_memory: Vector
+    handling_kept: Vector
+    grip_source: Vector
+    grip_command: Vector
     servo_before: Vector
     servo_queue: Vector
     servo_delayed: Vector
@@ -196,6 +207,7 @@ class TickMemory(Evaluations):
     moving_at: Words
     moving_dof: Words
     detent_dof: Words
+    handled_dof: Words
     servo_place: Words
     warnings: Words
     data_words: Words

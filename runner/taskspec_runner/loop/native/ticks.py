@@ -81,6 +81,8 @@ def _step(c: TickMemory) -> None:
     n = c.control.n
     if c.servo.code == 0:
         copy(c.control.torque, c.motors, n)
+    if c.handling.code != 0:
+        copy(c.grip_source, c.grip_command, 1)
     for number in range(c.substeps):
         if c.simple:
             call(c.mj_step, c.model, c.data)
@@ -138,11 +140,34 @@ def _apply(c: TickMemory) -> None:
         joints, extra = c.applied_joints, c.on_joints
         for i in range(c.n_joints):
             joints[i] += extra[i]
+    _handle(c)
     if c.detents.code != 0:
         evaluate(c.detents)
         applied, where, forces = c.applied, c.detent_dof, c.detent_forces
         for i in range(c.n_detents):
             applied[where[i]] += forces[i]
+
+
+def _handle(c: TickMemory) -> None:
+    """Adds what grips loose bodies, and what takes them."""
+    if c.handling.code == 0:
+        return
+    call(c.mj_objectVelocity, c.model, c.data, c.body_kind, c.tip_body, c.handling_twist, 0)
+    evaluate(c.handling)
+    call(
+        c.mj_applyFT,
+        c.model,
+        c.data,
+        c.handling_on_tip,
+        c.handling_about_tip,
+        c.tip,
+        c.tip_body,
+        c.applied_at,
+    )
+    applied, where, forces = c.applied, c.handled_dof, c.handling_forces
+    for i in range(c.n_handled):
+        applied[where[i]] += forces[i]
+    copy(c.handling_kept, c.handling_memory, c.n_handling)
 
 
 def _serve(c: TickMemory, step: int) -> None:

@@ -66,7 +66,7 @@ public:
       if constexpr (!WEIGHS) auto_declare<bool>("weight_in_reading", false);
       if constexpr (!READS_SENSOR) auto_declare<bool>("wrench_in_world", false);
       if constexpr (REACTIONS > 0) {
-        auto_declare<std::vector<std::string>>("reactions", {@REACTION_LIST@});
+        auto_declare<std::vector<std::string>>("reactions", {@REACTION_LIST@});@GRIP_DECLARED@
       }
       if constexpr (TORQUES) auto_declare<bool>("gravity_compensated", false);
       auto_declare<int>("lost_samples", @BEARS@);
@@ -112,7 +112,7 @@ public:
     states_.clear();
     for (const auto & joint : joints) {
       commands_.push_back(prefix + joint + "/" + hardware_interface::HW_IF_@HARDWARE@);
-    }
+    }@GRIP_CLAIMED@
     for (const char * kind :
          {hardware_interface::HW_IF_POSITION, hardware_interface::HW_IF_VELOCITY}) {
       for (const auto & joint : joints) states_.push_back(prefix + joint + "/" + kind);
@@ -350,7 +350,7 @@ private:
     bool written = true;
     for (std::size_t i = 0; i < JOINTS; ++i) {
       written = command_interfaces_[i].set_value(commands_now_[i]) && written;
-    }
+    }@GRIP_WRITTEN@
     return written;
   }
 
