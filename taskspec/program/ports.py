@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.laws.tank import OUTPUTS as TANK
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.signals import SCALARS, VECTORS
 from taskspec.signals.table import REFERENCE
@@ -67,8 +68,10 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
-def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> Fields:
-    """The outputs of a task's stages; last are those of equations, joints, gains and params.
+def fields(
+    equations: int, followed: int = 0, gains: int = 0, live: int = 0, *, tanks: bool = False
+) -> Fields:
+    """The outputs of a task's stages; last are those of equations, joints, gains, params, tanks.
 
     Args:
         equations: how many there are. Each has a set point, a measurement, the distance of the
@@ -76,6 +79,7 @@ def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> 
         followed: joints that follow references in a stage; 0 where none has a path of joints.
         gains: how many of any stage vary.
         live: params that may be set while a stage runs.
+        tanks: whether any stage has a tank, see `laws.tank.OUTPUTS`.
     """
     on_equations = ("reaction_ref", "reaction", "gap_ref", "reaction_residual")
     return (
@@ -85,13 +89,15 @@ def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> 
         ("joint_ref", followed),
         *((("gain", gains),) if gains else ()),
         *((("param", live),) if live else ()),
+        *((("tank", len(TANK)),) if tanks else ()),
     )
 
 
 def fields_of(task: Task, joints: int) -> Fields:
     """The outputs of the stages of a task, of an arm with some joints."""
     followed = joints if task.in_joints else 0
-    return fields(len(task.equations), followed, len(task.varying_gains), len(task.live))
+    varying, live = len(task.varying_gains), len(task.live)
+    return fields(len(task.equations), followed, varying, live, tanks=task.tanks)
 
 
 def now_at_start(task: Task) -> NDArray[np.float64]:
@@ -131,10 +137,11 @@ LAW: Fields = (("error", 6), ("force_ref", 6))
 #: they were measured; the wrench that the robot applied on axes with a force set point (held), and
 #: what was commanded there; all in world axes. Last the angle of a mechanism that the
 #: stage kept track of, and whether the next one keeps track of the same; what a frame that tracks
-#: the force or the motion has in its memory (track), and which of these (tracks, 0 for none).
+#: the force or the motion has in its memory (track), and which of these (tracks, 0 for none). What
+#: spring and tank of the law have [J], and 1 where the law had a tank, 0 elsewhere.
 HANDED: Fields = (
     *(("p", 3), ("R", 9), ("twist", 6), ("held", 6), ("commanded", 6)),
-    *(("angle", 1), ("same", 1), ("track", 9), ("tracks", 1)),
+    *(("angle", 1), ("same", 1), ("track", 9), ("tracks", 1), ("tank", 2)),
 )
 
 

@@ -29,6 +29,7 @@ class Index(StrEnum):
     LINK = "link"
     GAIN = "gain"
     ENERGY = "energy"
+    TANK = "tank"
 
 
 #: What may differ from the truth: the wrench, which is zero while nothing is touched; objects.
@@ -142,6 +143,8 @@ LINK: dict[str, Signal] = {}
 GAIN: dict[str, Signal] = {}
 #: Energies and powers of a law, by their whole name.
 ENERGY: dict[str, Signal] = {}
+#: Of the energy tank of a law, by their whole name.
+TANK: dict[str, Signal] = {}
 #: Of an object, by its kind and what follows the object's name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
@@ -154,6 +157,7 @@ _TABLES = {
     Index.LINK: LINK,
     Index.GAIN: GAIN,
     Index.ENERGY: ENERGY,
+    Index.TANK: TANK,
 }
 
 
@@ -247,5 +251,7 @@ def find(
             return Entry(LINK[name], "", LINK[name].dimension)
         case (_, _) if (name := ".".join(path)) in ENERGY:
             return Entry(ENERGY[name], "", ENERGY[name].dimension)
+        case (Index.TANK, _) if (name := ".".join(path)) in TANK:
+            return Entry(TANK[name], "", TANK[name].dimension)
         case _:
             return None

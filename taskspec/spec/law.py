@@ -18,12 +18,14 @@ from taskspec.laws.design import joint_damping
 from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
 from taskspec.laws.joint_velocity import JOINT_VELOCITY, JointVelocity
 from taskspec.laws.law import Solve, commanding
+from taskspec.laws.tank import misfit
 from taskspec.spec.axis import AxisEntry
 from taskspec.spec.gains import AxisValues, GainField
 from taskspec.spec.model import Model, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import ForJoints
 from taskspec.spec.servo import PLURALS, TORQUE, VELOCITY, command_of
+from taskspec.spec.tank import Tank
 from taskspec.spec.words import Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
 
 register(
     {
+        "TS137": "an energy tank of a law that takes none",
         "TS140": "a law that commands what the robot does not take",
         "TS206": "an unknown law",
         "TS207": "a gain that the law does not have",
@@ -115,6 +118,7 @@ class Law(Model):
         damping_ratio: of motion axes.
         dead_band: force error below which an axis is not moved [N, N*m].
         force: gains of the force loop.
+        tank: what it may put into the arm beyond what its dampers take; None for whatever it does.
         orientation: how orientation errors are measured.
         null_space: what a redundant arm does with the joints that the task leaves free; these
             goals are added up.
@@ -156,6 +160,7 @@ class Law(Model):
         None, title="Dead band of the force"
     )
     force: ForceGains | None = Field(None, title="Gains of the force loop")
+    tank: Tank | None = Field(None, title="Energy tank")
     orientation: Annotated[
         Literal["so3", "rpy", "zyz"], Word(("so3", "rpy", "zyz"), "orientation error")
     ] = Field("so3", title="Orientation error")
@@ -358,6 +363,15 @@ class Law(Model):
         if not isinstance(kind, str) or kind not in LAWS:
             return
         _check_command(kind, data, context)
+        reason = misfit(LAWS[kind])
+        if "tank" in data and reason:
+            fitting = ", ".join(name for name, law in LAWS.items() if not misfit(law))
+            context.error(
+                "TS137",
+                f"the law '{kind}' takes no tank: {reason}",
+                data.node.key_span("tank"),
+                f"laws that take one: {fitting}",
+            )
         if "null_space" in data and not LAWS[kind].holds_null_space:
             context.error(
                 "TS213",

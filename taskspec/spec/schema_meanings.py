@@ -203,6 +203,8 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "damping_ratio": ("Of motion errors; 1, the default, does not overshoot.", ()),
         "dead_band": ("Force error below which admittance stays; none by default.", ("2 N",)),
         "force": ("Gains of the force loop; else they are designed.", ({"integral": "12 /s"},)),
+        "tank": ("What the law may put into the arm beyond what its dampers take.",
+                 ("2 J", {"energy": "2 J", "start": "1 J", "power": "5 W"})),
         "orientation": ("How orientation errors are measured; so3 has no singularity.", ()),
         "solve": ("closed-form: torques saturate, limits stop. qp: limits are kept.", ()),
         "solver": ("Of the quadratic program; daqp by default.", ()),

@@ -11,10 +11,12 @@ import casadi as ca
 from taskspec.control import resolution
 from taskspec.control.command import Command
 from taskspec.deferred_methods import dataclass
+from taskspec.laws import energy
 from taskspec.laws.case import Case
 from taskspec.laws.energy import Energy
+from taskspec.laws.tank import TankStep
 from taskspec.program.events import Condition
-from taskspec.program.last_commands import last_velocity
+from taskspec.program.last_commands import last_command, last_velocity
 from taskspec.program.plan import StagePlan
 from taskspec.program.reference import orientation
 from taskspec.program.reference.constraints import (
@@ -46,6 +48,7 @@ class Commanded:
         closed_form: (n,) torque of its closed form [N m].
         torque: (n,) the same with what is left of the last stage's.
         conditions: that come with the angles in which the law is stated.
+        tank: what its tank makes of the torque; None without one.
     """
 
     references: ReferenceSet
@@ -56,6 +59,7 @@ class Commanded:
     closed_form: ca.SX
     torque: ca.SX
     conditions: list[Condition]
+    tank: TankStep | None = None
 
     @property
     def set_points(self) -> dict[str, ca.SX]:
@@ -139,6 +143,8 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
     fading = carried_torque.fading(measurement.parameters, measurement.clock, closed_form.shape[0])
     if context.drives.positions:  # It is carried as what a period adds to a position.
         fading = fading / context.period
+    commanded = closed_form + fading
+    step = None if law.tank is None else _tank_step(plan, measurement, case, commanded)
     return Commanded(
         references,
         forces,
@@ -146,23 +152,52 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         case,
         wanted,
         closed_form,
-        closed_form + fading,
+        commanded if step is None else step.torque,
         conditions,
+        step,
     )
 
 
-def energies(plan: StagePlan, case: Case) -> Mapping[str, ca.SX]:
+def _tank_step(
+    plan: StagePlan, measurement: Measurement, case: Case, commanded: ca.SX
+) -> TankStep:
+    """What a stage's tank makes of the torque (n,) that its law commands."""
+    assert plan.law.tank is not None
+    step = plan.law.tank.of_law.step(
+        case,
+        commanded,
+        measurement.terms.gravity,
+        last_command(plan.context, measurement.parameters),
+        measurement.memory.once,
+        damps_joints=plan.law.control_law.damps_joints,
+    )
+    situation = measurement.table.situation
+    situation.tank = step.named()
+    situation.energies = partial(energies, plan, case, step.outputs[2])
+    return step
+
+
+def energies(
+    plan: StagePlan, case: Case, granted: ca.SX | None = None
+) -> Mapping[str, ca.SX]:
     """The energies and powers of a stage's law by name; none where it states none."""
-    found = stage_energy(plan, case)
+    found = stage_energy(plan, case, granted)
     return {} if found is None else found.signals()
 
 
-def stage_energy(plan: StagePlan, case: Case) -> Energy | None:
+def stage_energy(plan: StagePlan, case: Case, granted: ca.SX | None = None) -> Energy | None:
     """What the law of a stage stores; None where it states no storage function.
 
     Of a law in Euler angles that turns the tool there is none: a log has no rates of these angles.
+
+    Args:
+        plan: of the stage.
+        case: its law's.
+        granted: the share that its tank grants the springs; None without a tank.
     """
     turns = any(axis.is_rotation for axis in case.state.axes)
     if plan.joint_path is not None or (turns and plan.law.orientation != "so3"):
         return None
+    if granted is not None:
+        return energy.beside_a_tank(case, granted, damps_joints=plan.law.control_law.damps_joints)
     return plan.law.control_law.energy(case)

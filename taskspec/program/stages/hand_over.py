@@ -8,6 +8,7 @@ from functools import cache
 import casadi as ca
 
 from taskspec.control.representation import Representation
+from taskspec.laws.tank import OUTPUTS as TANK
 from taskspec.program.plan import StagePlan
 from taskspec.program.ports import HANDED, fields, fields_of, slices
 from taskspec.program.reference.orientation import displaced, representation_of
@@ -36,10 +37,12 @@ def leaving(plan: StagePlan) -> ca.Function:
     )
     axes = tuple(name.row for name in plan.plans)
     angles, context = representation_of(plan.law), plan.context
-    size = sum(n for _, n in fields_of(context.loaded.task, context.robot.n))
+    outputs = slices(fields_of(context.loaded.task, context.robot.n))
+    size = max(where.stop for where in outputs.values())
+    tank = -1 if plan.law.tank is None else outputs["tank"].start
     if plan.moving_base is None:
-        return _leaving_still(axes, forced, tracked, angles, size)
-    return _leaving(axes, forced, tracked, angles, size, plan.moving_base)
+        return _leaving_still(axes, forced, tracked, angles, size, tank)
+    return _leaving(axes, forced, tracked, angles, size, tank, plan.moving_base)
 
 
 def _leaving(
@@ -48,6 +51,7 @@ def _leaving(
     tracked: Sequence[int],
     angles: Representation | None,
     size: int,
+    tank: int,
     base: MovingBase | None = None,
 ) -> ca.Function:
     """What `leaving` gives.
@@ -57,6 +61,7 @@ def _leaving(
             point, and `tracked`, which hand on the reference of their motion.
         angles: in which the law measures orientation; None for the rotation vector.
         size: how many outputs there are.
+        tank: where those of its tank begin; -1 without one.
         base: that carries the frame.
     """
     outputs, clock = ca.SX.sym("outputs", size), ca.SX.sym("clock")
@@ -86,9 +91,15 @@ def _leaving(
         "same": ca.SX(0),
         "track": at["track"],
         "tracks": at["tracks"],
+        "tank": ca.SX.zeros(2) if tank < 0 else ca.vertcat(_reservoir(outputs[tank:]), 1),
     }
     found = ca.vertcat(*(values[name] for name, _ in HANDED))
     return ca.Function("leaving", [outputs, clock], [ca.densify(found)])
+
+
+def _reservoir(tank: ca.SX) -> ca.SX:
+    """What tank and spring have [J], of the numbers of `laws.tank.OUTPUTS`."""
+    return tank[TANK.index("energy")] + tank[TANK.index("stretched")]
 
 
 #: Without a base it is the same for all stages with such axes.

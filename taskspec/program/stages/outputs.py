@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
+from taskspec.laws.tank import OUTPUTS as TANK
 from taskspec.program import ports
 from taskspec.program.limits.resolution import Resolved
 from taskspec.program.ports import INTERNAL, PROBE
@@ -106,6 +107,7 @@ def outputs(
         ca.SX.nan(followed) if joints is None else joints.position,
         _gains(measurement, commanded),
         ca.SX(0, 1) if measurement.clock.live is None else measurement.clock.live,
+        _tank(measurement, commanded),
     )
 
 
@@ -135,6 +137,13 @@ def _gains(measurement: Measurement, commanded: Commanded) -> ca.SX:
             for name, on in measurement.varying_gains
         ),
     )
+
+
+def _tank(measurement: Measurement, commanded: Commanded) -> ca.SX:
+    """The numbers of a tank, NaN in a stage without one, nothing where no stage has one."""
+    if commanded.tank is not None:
+        return commanded.tank.outputs
+    return ca.SX.nan(len(TANK) if measurement.tanks else 0, 1)
 
 
 def _reactions(measurement: Measurement) -> ca.SX:
