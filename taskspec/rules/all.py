@@ -33,6 +33,7 @@ from taskspec.rules import (
     set_points,
     signals,
     stability,
+    tanks,
     variations,
     contacts,
     bushings,

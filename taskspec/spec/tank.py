@@ -13,7 +13,7 @@ from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import Constant, quantity_schema
 from taskspec.spec.values import constant, measures
 from taskspec.text.data import Map
-from taskspec.text.units import MOMENT, POWER, scaled
+from taskspec.text.units import MOMENT, POWER, joules
 
 Joules = Annotated[float, Constant(MOMENT, above=0)]
 
@@ -66,6 +66,10 @@ class Tank(Model):
             return
         most, first = constant(energy, MOMENT, context), constant(start, MOMENT, context)
         if most is not None and first is not None and first > most:
-            holds = scaled(most, MOMENT, unit="J")
-            context.error("TS118", f"this has to be at most {holds}, which the tank holds",
-                          span_of(start), "give it more 'energy', or leave 'start' out: it is full then")  # fmt: skip
+            holds = joules(most)
+            context.error(
+                "TS118",
+                f"this has to be at most {holds}, which the tank holds",
+                span_of(start),
+                "give it more 'energy', or leave 'start' out: then it begins full",
+            )

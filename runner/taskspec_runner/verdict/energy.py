@@ -37,7 +37,7 @@ from taskspec.robot.rigid_body import rigid_body
 from taskspec.signals import ENERGY
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import Task
-from taskspec.text.units import si_unit
+from taskspec.text.units import joules, si_unit
 from taskspec_runner.record.history import History, NotRecordedError, Visit
 from taskspec_runner.verdict.tank import TankCourse
 
@@ -52,8 +52,6 @@ INNER = ("integral", "gains", "torques", "sampling", "tank", "rest")
 _SHARE, _LEAST = 0.05, 1e-3
 #: Ticks of a run up to which its summary and its report have energies: ten minutes at 1 kHz.
 MOST = 600_000
-#: From so much on energies are said in joules [J].
-_JOULE = 0.1
 #: A part of a unit normal that is none.
 _NO_PART = 1e-6
 #: The column with the share of springs that a tank grants.
@@ -575,16 +573,11 @@ def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
 def gain_text(data: Mapping[str, Any]) -> str:
     """What a stage gained by itself, of its entry in a summary."""
     gained = data["gained"]
-    amount, work = (_joules(gained[key]) for key in ("energy", "work"))
+    amount, work = (joules(gained[key]) for key in ("energy", "work"))
     return (
         f"stage {data['stage']} gained {amount} by itself from {gained['start']:.3f} to "
         f"{gained['end']:.3f} s: {work} by {WORDS[gained['by']]}"
     )
-
-
-def _joules(value: float) -> str:
-    """An energy [J] in words."""
-    return f"{value:.3g} J" if abs(value) >= _JOULE else f"{1e3 * value:.3g} mJ"
 
 
 def energy_block(program: Program, history: History, true: Task) -> dict[str, Any]:

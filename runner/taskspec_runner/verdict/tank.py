@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
 from taskspec.spec.tank import Tank
-from taskspec.text.units import show
+from taskspec.text.units import joules, show
 from taskspec_runner.record.history import History, NotRecordedError, Visit
 
 Vector = NDArray[np.float64]
@@ -84,5 +84,5 @@ def refusal(stage: str, tank: Mapping[str, Any]) -> str:
     return (
         f"the tank of stage {stage} refused up to {share:.3g} % of what its law commands, for "
         f"{show(tank['time'], 's', 3)} from {tank['from']:.3f} s on; it came down to "
-        f"{show(tank['least'], 'J', 3)}"
+        f"{joules(tank['least'])}"
     )
