@@ -23,7 +23,8 @@ In ticks of a period h the torque is held, and the account is made of what was (
     E = T[k-1] + r[k-1] U[k-1] - W,    U = 1/2 e^T K e,    r = min(1, E / U),    T[k] = E - r U
 
 so that sampling, limits and what a stage carries on are paid for, too. The shares r and s make
-r U <= E, and s u_a.q' <= T / 20 ms: the valve closes before the tank is empty.
+r U <= E, s u_a.q' <= T / 20 ms, and s <= T / (0.05 C) at a capacity C: the valve closes before the
+tank is empty.
 
 A limit on the power keeps P <= P_max: r U <= r[k-1] U[k-1] - W_a + h P_max, and s u_a.q' <= P_max
 beside what stretches the spring. Moving along one axis against its damper d, an arm that starts
@@ -46,6 +47,9 @@ if TYPE_CHECKING:
 #: Time in which what the law asks for may empty the tank [s]: at that rate its valve begins to
 #: close.
 _CLOSING = 0.02
+#: Below this share of its capacity the valve closes, whether power goes out or comes in: else
+#: what is refused one way and let through the other would rattle.
+_LOW = 0.05
 #: Less is nothing [J, W].
 _NOTHING = 1e-300
 
@@ -147,18 +151,19 @@ class EnergyTank:
             allowed = ca.if_else(state > HANDED_ON, ca.fmin(allowed, rise), allowed)
         granted = ca.fmin(U, allowed)
         held = ca.if_else(U > allowed, allowed / ca.fmax(U, _NOTHING), 1.0)
-        free = there - granted
-        energy = ca.fmin(free, self.capacity)
-        left_it = runs * (before - free + dissipated) / h
+        energy = ca.fmin(there - granted, self.capacity)
+        left_it = runs * (before + dissipated - (there - granted)) / h
 
         # By the velocity of the next period, as far as it is known.
         asked = ca.dot(active, v + runs * (v - v_before) / 2)
-        most = ca.fmax(energy, 0) / _CLOSING
+        free = ca.fmax(energy, 0)
+        most = free / _CLOSING
         if math.isfinite(self.power):
             pulled = runs * ca.fmax(held_before * U - left - given, 0) / h
             drawn = ca.fmax(asked, 0)
             most = ca.fmin(most, self.power * drawn / ca.fmax(drawn + pulled, _NOTHING))
-        share = ca.if_else(asked > most, ca.fmax(most, 0) / ca.fmax(asked, _NOTHING), 1.0)
+        share = ca.if_else(asked > most, most / ca.fmax(asked, _NOTHING), 1.0)
+        share = ca.fmin(share, free / (_LOW * self.capacity))
         return TankStep(
             torque=gravity + held * spring + damper + share * active,
             outputs=ca.vertcat(energy, left_it, held, share, 1 - ca.fmin(held, share), granted),

@@ -138,10 +138,10 @@ LAW: Fields = (("error", 6), ("force_ref", 6))
 #: what was commanded there; all in world axes. Last the angle of a mechanism that the
 #: stage kept track of, and whether the next one keeps track of the same; what a frame that tracks
 #: the force or the motion has in its memory (track), and which of these (tracks, 0 for none). What
-#: spring and tank of the law have [J], and 1 where the law had a tank, 0 elsewhere.
+#: is in the tank of the law and in its springs [J], and 1 where the law had a tank, 0 elsewhere.
 HANDED: Fields = (
     *(("p", 3), ("R", 9), ("twist", 6), ("held", 6), ("commanded", 6)),
-    *(("angle", 1), ("same", 1), ("track", 9), ("tracks", 1), ("tank", 2)),
+    *(("angle", 1), ("same", 1), ("track", 9), ("tracks", 1), ("tank", 3)),
 )
 
 

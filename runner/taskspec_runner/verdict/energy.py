@@ -107,8 +107,14 @@ class StageEnergy:
 
         What an energy tank gives it has had before.
         """
-        net: Vector = sum((self.works[name] for name in INNER), -self.works["dissipated"])
-        return net if self.tank is None else net + self.tank.energy - self.tank.energy[0]
+        net: Vector = sum(map(self._inner, INNER), -self.works["dissipated"])
+        return net
+
+    def _inner(self, name: str) -> Vector:
+        """(n,) what a term has put in from within [J]; a tank what it had not got before."""
+        if name != "tank" or self.tank is None:
+            return self.works[name]
+        return self.works[name] + self.tank.energy - self.tank.energy[0]
 
     @cached_property
     def gain(self) -> tuple[int, int, str] | None:
@@ -124,7 +130,7 @@ class StageEnergy:
         most = max(_SHARE * (float(np.max(self.stored)) + through), _LEAST)
         if not net[last] - net[first] > most:
             return None
-        put_in = {n: float(self.works[n][last] - self.works[n][first]) for n in INNER}
+        put_in = {n: float(self._inner(n)[last] - self._inner(n)[first]) for n in INNER}
         by = max(put_in, key=lambda name: put_in[name])
         # What is late lends as much as is stored, and takes it back: more than that is a gain.
         lent = by == "rest" and net[last] - net[first] < np.max(self.stored)

@@ -374,9 +374,11 @@ class Entering:
     def _start_memory(self, going: _Continuation) -> None:
         """The point that references move along, integrals that hold the measured force, a tank."""
         if self.plan.law.tank is not None:
-            reservoir, had = self.tank[0], self.tank[1]
-            self._remember(tank.ENERGY, ca.if_else(had, reservoir, self.plan.law.tank.first))
-            self._remember(tank.SHARE, 1.0)
+            own, (left, stretched, had) = self.plan.law.tank, ca.vertsplit(self.tank)
+            handed = ca.fmin(left, own.energy) + stretched
+            self._remember(tank.ENERGY, ca.if_else(had, handed, own.first))
+            if tank.SHARE in self.memory:  # Of the last tick's share integrals go by alone.
+                self._remember(tank.SHARE, 1.0)
             self._remember(tank.STATE, ca.if_else(had, tank.HANDED_ON, tank.FRESH))
         zero = ca.SX(0)
         pressed = {a: going.pressed.get(a, zero) for a in AXES}

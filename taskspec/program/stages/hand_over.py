@@ -91,15 +91,17 @@ def _leaving(
         "same": ca.SX(0),
         "track": at["track"],
         "tracks": at["tracks"],
-        "tank": ca.SX.zeros(2) if tank < 0 else ca.vertcat(_reservoir(outputs[tank:]), 1),
+        "tank": _left_in(tank, outputs),
     }
     found = ca.vertcat(*(values[name] for name, _ in HANDED))
     return ca.Function("leaving", [outputs, clock], [ca.densify(found)])
 
 
-def _reservoir(tank: ca.SX) -> ca.SX:
-    """What tank and spring have [J], of the numbers of `laws.tank.OUTPUTS`."""
-    return tank[TANK.index("energy")] + tank[TANK.index("stretched")]
+def _left_in(tank: int, outputs: ca.SX) -> ca.SX:
+    """(3,) what a tank and the springs beside it have [J], and 1; nothing without a tank."""
+    if tank < 0:
+        return ca.SX.zeros(3)
+    return ca.vertcat(*(outputs[tank + TANK.index(n)] for n in ("energy", "stretched")), 1)
 
 
 #: Without a base it is the same for all stages with such axes.
