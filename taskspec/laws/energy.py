@@ -129,26 +129,22 @@ def of_a_mass(
     )
 
 
-def beside_a_tank(case: Case, granted: ca.SX, *, damps_joints: bool) -> Energy:
+def beside_a_tank(case: Case, granted: ca.SX, filled: ca.SX) -> Energy:
     """1/2 q'^T H q' + r 1/2 e^T K_m e: what stays of any law with an energy tank (`laws.tank`).
 
     Args:
         case: the stage.
         granted: r, the share of its springs.
-        damps_joints: whether the law's damper is one of the joints.
+        filled: power of its dampers over the last period [W].
     """
-    state, q_rate = case.state, case.joint_velocity
+    state = case.state
     pull = case.times("stiffness", case.reference.error)
-    if damps_joints:
-        dissipated = ca.dot(case.of_joints("joint_damping") * q_rate, q_rate)
-    else:
-        dissipated = ca.dot(case.times("damping", state.velocity), state.velocity)
     return Energy(
-        kinetic=ca.sumsqr(state.H_factor.T @ q_rate) / 2,
+        kinetic=ca.sumsqr(state.H_factor.T @ case.joint_velocity) / 2,
         spring=granted * ca.dot(pull, case.reference.error) / 2,
         contact=ca.dot(state.f, state.velocity),
         reference=None,
         force=None,
         integral=None,
-        dissipated=dissipated,
+        dissipated=filled,
     )

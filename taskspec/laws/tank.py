@@ -2,9 +2,9 @@
 
 With e = x_d - x, K the stiffness and D the damping of the law, u its torque and g gravity,
 
-    u_p = g + r J^T K e - J^T D x'                    what stays, PD control (4.21)
-    u_a = u - g - J^T K e + J^T D x'                  everything else that the law commands
-    u_tank = u_p + s u_a
+    u_tank = g + r J^T K e - J^T D x' + s u_a,        u_a = u - g - J^T K e + J^T D x'
+
+with shares r and s of 0 to 1. With both at 1 that is u; what stays of it is PD control (4.21).
 
 Arm, spring and tank store V = 1/2 q'^T H q' + r 1/2 e^T K e + T. In port-Hamiltonian form the arm
 gets from the tank, through a transformer of ratio s u_a, what it loses in nothing else:
@@ -37,6 +37,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from taskspec.control import linear
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
 
@@ -54,7 +55,7 @@ _LOW = 0.05
 _NOTHING = 1e-300
 
 #: What a tick of it gives, in this order; see `Tank.outputs`.
-OUTPUTS = ("energy", "power", "spring", "share", "refused", "stretched")
+OUTPUTS = ("energy", "power", "filled", "spring", "share", "refused", "stretched")
 #: Slots of the memory.
 ENERGY, STATE, SHARE = "tank.energy", "tank.state", "tank.share"
 _SPRING, _HELD, _GIVEN = "tank.stretched", "tank.spring", "tank.given"
@@ -80,9 +81,9 @@ class TankStep:
 
     Attributes:
         torque: (n,) that it lets through [N m].
-        outputs: (6,) what is in it [J], the power that left it over the last period for what is
-            not passive [W], the shares r and s, what is refused of the one of which that is more,
-            and r U [J].
+        outputs: (7,) what is in it [J], the power that left it over the last period for what is
+            not passive, and that dampers gave it [W], the shares r and s, what is refused of the
+            one of which that is more, and r U [J].
         memory: of the tick after, by slot.
     """
 
@@ -114,8 +115,7 @@ class EnergyTank:
         gravity: ca.SX,
         last: ca.SX,
         remembered: Callable[[str, int], ca.SX],
-        *,
-        damps_joints: bool,
+        law: ControlLaw,
     ) -> TankStep:
         """One tick.
 
@@ -125,7 +125,7 @@ class EnergyTank:
             gravity: (n,) g [N m].
             last: (n,) what was commanded in the tick before [N m].
             remembered: a slot of the memory, by name and length.
-            damps_joints: whether the law's damper is one of the joints.
+            law: of the stage.
         """
         n, h, v = torque.shape[0], case.period, case.joint_velocity
         before, state = remembered(ENERGY, 1), remembered(STATE, 1)
@@ -133,7 +133,7 @@ class EnergyTank:
         v_before, g_before, damped = (remembered(s, n) for s in (_VELOCITY, _GRAVITY, _DAMPER))
         runs = ca.if_else(state > HANDED_ON, 1.0, 0.0)
         pull = case.times("stiffness", case.reference.error)
-        spring, damper = case.state.J.T @ pull, _damper(case, damps_joints)
+        spring, damper = case.state.J.T @ pull, _damper(case, law)
         active = torque - gravity - spring - damper
 
         # What the commanded torque did over the last period, and what of it the damper took.
@@ -156,17 +156,17 @@ class EnergyTank:
 
         # By the velocity of the next period, as far as it is known.
         asked = ca.dot(active, v + runs * (v - v_before) / 2)
-        free = ca.fmax(energy, 0)
-        most = free / _CLOSING
+        drawn, free = ca.fmax(asked, _NOTHING), ca.fmax(energy, 0)
+        share = ca.fmin(1, free / (_LOW * self.capacity))
+        share = ca.fmin(share, free / (_CLOSING * drawn))
         if math.isfinite(self.power):
             pulled = runs * ca.fmax(held_before * U - left - given, 0) / h
-            drawn = ca.fmax(asked, 0)
-            most = ca.fmin(most, self.power * drawn / ca.fmax(drawn + pulled, _NOTHING))
-        share = ca.if_else(asked > most, most / ca.fmax(asked, _NOTHING), 1.0)
-        share = ca.fmin(share, free / (_LOW * self.capacity))
+            share = ca.fmin(share, self.power / (drawn + pulled))
         return TankStep(
             torque=gravity + held * spring + damper + share * active,
-            outputs=ca.vertcat(energy, left_it, held, share, 1 - ca.fmin(held, share), granted),
+            outputs=ca.vertcat(
+                *(energy, left_it, dissipated / h, held, share, 1 - ca.fmin(held, share), granted)
+            ),
             memory={
                 ENERGY: energy,
                 STATE: ca.SX(RUNNING),
@@ -203,10 +203,20 @@ class EnergyTank:
         return math.sqrt(self.power / damping)
 
 
-def _damper(case: Case, damps_joints: bool) -> ca.SX:
-    """(n,) the torque of the law's dampers against the arm's own velocity [N m]."""
-    if damps_joints:
+def _damper(case: Case, law: ControlLaw) -> ca.SX:
+    """(n,) the torque of the law's dampers against the arm's own velocity [N m].
+
+    That of a law with an apparent mass may be more than the arm's own bears in a period: it is
+    (D^-1 + h Lambda^-1)^-1 = D - D (D + Lambda / h)^-1 D, which takes energy at any period.
+    """
+    if law.damps_joints:
         return -case.of_joints("joint_damping") * case.joint_velocity
     state = case.state
     velocity = state.velocity if case.carried is None else state.J @ case.joint_velocity
-    return -state.J.T @ case.times("damping", velocity)
+    push = case.times("damping", velocity)
+    if not law.natural:
+        m = len(state.axes)
+        inertia = linear.solve(linear.cholesky(state.mobility), ca.SX.eye(m))
+        whole = linear.cholesky(case.matrix("damping") + inertia / case.period)
+        push -= case.times("damping", linear.solve(whole, push))
+    return -state.J.T @ push

@@ -316,6 +316,7 @@ def _tank(name: str, dimension: Dimension, meaning: str, **facts: Any) -> None:
 _SHARE = {"low": 0.0, "high": 1.0}
 _tank("energy", MOMENT, "what is in the energy tank of the law", unit="J")
 _tank("power", POWER, "what has left it over the last period for what is not passive")
+_tank("filled", POWER, "what dampers have put into it over the last period")
 _tank("spring", NUMBER, "share of the law's springs that it grants", **_SHARE)
 _tank("share", NUMBER, "share of what else the law commands that it grants", **_SHARE)
 _tank("refused", NUMBER, "1 less the smaller of both: what it refuses", **_SHARE)

@@ -54,8 +54,6 @@ _SHARE, _LEAST = 0.05, 1e-3
 MOST = 600_000
 #: A part of a unit normal that is none.
 _NO_PART = 1e-6
-#: The column with the share of springs that a tank grants.
-TANK_SPRING = "tank.spring"
 #: How the terms are called in a sentence.
 WORDS = {
     "integral": "the integral of its force loop",
@@ -250,7 +248,7 @@ class _OfStage:
         sizes = {"H": n * (n + 1) // 2, "v": n} | dict.fromkeys(
             ("error", "velocity", "reference", "measured", "desired", "integral", "held"),
             len(axes),
-        ) | {"t": 1, "granted": 1}  # fmt: skip
+        ) | {"t": 1, "granted": 1, "filled": 1}  # fmt: skip
         symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
         self._varying = [
             (name, on) for name, on in plan.law.varying if on in plan.gains.get(name, {})
@@ -288,7 +286,8 @@ class _OfStage:
             free=FreeDirections(unknown, unknown, np.nan) if plan.consistent else None,
         )
         self._tank = plan.law.tank
-        found = stage_energy(plan, case, None if self._tank is None else symbols["granted"])
+        tank = () if self._tank is None else (symbols["granted"], symbols["filled"])
+        found = stage_energy(plan, case, *tank)
         self.stated = found is not None
         if found is None:
             return
@@ -332,21 +331,12 @@ class _OfStage:
         works = dict.fromkeys((*PORTS, *INNER), nothing) | {
             "contact": _summed(self._evaluated(mean)["power.contact"][:-1] * T),
             "tank": _summed(tank.power[1:] * T),
-            "dissipated": _summed(self._damped(given)[:-1] * T),
+            "dissipated": _summed(signals["power.dissipated"][1:] * T),
         }
         stored = signals["energy.stored"] - signals["energy.stored"][0]
         works["rest"] = stored - works["contact"] - works["tank"] + works["dissipated"]
         storage = "1/2 q'^T H q' + r 1/2 e^T K_m e"
         return StageEnergy(visit, signals, works, storage, tank)
-
-    def _damped(self, given: dict[str, Vector]) -> Vector:
-        """(rows,) power of the damper's torque, which is held, at the mean velocity [W]."""
-        # Of v^T D v the mixed part is v^T D w.
-        def taken(share: float) -> Vector:
-            both = {n: given[n] + share * _mean(given[n]) for n in ("velocity", "v")}
-            return self._evaluated(given | both)["power.dissipated"]
-
-        return (taken(1.0) - taken(-1.0)) / 4
 
     def _given(self, history: History, visit: Visit) -> dict[str, Vector]:
         """(rows, size) of the visit: what the function takes, true forces and torques."""
@@ -374,7 +364,8 @@ class _OfStage:
             "torque": table([f"joint.{i}.torque" for i in joints]),
             "held": np.tile(self._held(history, visit), (len(nothing), 1)),
             "t": table(["t"]),
-            "granted": table([TANK_SPRING]),
+            "granted": table(["tank.spring"]),
+            "filled": table(["tank.filled"]),
         }
         touching = table([f"force.{a}.measured" for a in AXES[:3]])
         touched = np.linalg.norm(touching, axis=1) > TOUCHING

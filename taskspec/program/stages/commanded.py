@@ -169,23 +169,26 @@ def _tank_step(
         measurement.terms.gravity,
         last_command(plan.context, measurement.parameters),
         measurement.memory.once,
-        damps_joints=plan.law.control_law.damps_joints,
+        plan.law.control_law,
     )
     situation = measurement.table.situation
     situation.tank = step.named()
-    situation.energies = partial(energies, plan, case, step.outputs[2])
+    situation.energies = partial(energies, plan, case, step)
     return step
 
 
 def energies(
-    plan: StagePlan, case: Case, granted: ca.SX | None = None
+    plan: StagePlan, case: Case, step: TankStep | None = None
 ) -> Mapping[str, ca.SX]:
     """The energies and powers of a stage's law by name; none where it states none."""
-    found = stage_energy(plan, case, granted)
+    tank = () if step is None else (step.named()[n] for n in ("tank.spring", "tank.filled"))
+    found = stage_energy(plan, case, *tank)
     return {} if found is None else found.signals()
 
 
-def stage_energy(plan: StagePlan, case: Case, granted: ca.SX | None = None) -> Energy | None:
+def stage_energy(
+    plan: StagePlan, case: Case, granted: ca.SX | None = None, filled: ca.SX | None = None
+) -> Energy | None:
     """What the law of a stage stores; None where it states no storage function.
 
     Of a law in Euler angles that turns the tool there is none: a log has no rates of these angles.
@@ -194,10 +197,11 @@ def stage_energy(plan: StagePlan, case: Case, granted: ca.SX | None = None) -> E
         plan: of the stage.
         case: its law's.
         granted: the share that its tank grants the springs; None without a tank.
+        filled: power of the dampers, which fill it [W]; None likewise.
     """
     turns = any(axis.is_rotation for axis in case.state.axes)
     if plan.joint_path is not None or (turns and plan.law.orientation != "so3"):
         return None
-    if granted is not None:
-        return energy.beside_a_tank(case, granted, damps_joints=plan.law.control_law.damps_joints)
+    if granted is not None and filled is not None:
+        return energy.beside_a_tank(case, granted, filled)
     return plan.law.control_law.energy(case)

@@ -21,7 +21,8 @@ def tank_rows(plan: StagePlan) -> Iterator[tuple[str, str]]:
     )
     lets = "" if tank.power is None else f"; at most {scaled(tank.power, POWER, 3)} leave it"
     yield "tank", f"holds {joules(tank.energy)}, {begins}{lets}"
-    yield "takes of it", f"about {joules(demand.energy)}"
+    if demand.energy > 0:
+        yield "takes of it", f"about {joules(demand.energy)}"
     contact = first_contact(plan)
     if contact is not None:
         speed, power = scaled(contact.speed, VELOCITY, 3), scaled(contact.power, POWER, 3)
