@@ -27,8 +27,8 @@ r U <= E, s u_a.q' <= T / 20 ms, and s <= T / (0.05 C) at a capacity C: the valv
 tank is empty.
 
 A limit on the power keeps P <= P_max: r U <= r[k-1] U[k-1] - W_a + h P_max, and s u_a.q' <= P_max
-beside what stretches the spring. Moving along one axis against its damper d, an arm that starts
-from rest then has v <= sqrt(P_max / d).
+beside what stretches the spring. Led by a force along one axis against its damper d, an arm that
+starts from rest then has v <= sqrt(P_max / d).
 """
 
 from __future__ import annotations
@@ -60,6 +60,7 @@ OUTPUTS = ("energy", "power", "filled", "spring", "share", "refused", "stretched
 ENERGY, STATE, SHARE = "tank.energy", "tank.state", "tank.share"
 _SPRING, _HELD, _GIVEN = "tank.stretched", "tank.spring", "tank.given"
 _VELOCITY, _GRAVITY, _DAMPER = "tank.velocity", "tank.gravity", "tank.damper"
+_PUSHED = "tank.pushed"
 #: What `STATE` says: it begins with its own start, with what is handed on, or it goes on.
 FRESH, HANDED_ON, RUNNING = 0.0, 1.0, 2.0
 
@@ -130,7 +131,9 @@ class EnergyTank:
         n, h, v = torque.shape[0], case.period, case.joint_velocity
         before, state = remembered(ENERGY, 1), remembered(STATE, 1)
         stretched, held_before, given = (remembered(s, 1) for s in (_SPRING, _HELD, _GIVEN))
-        v_before, g_before, damped = (remembered(s, n) for s in (_VELOCITY, _GRAVITY, _DAMPER))
+        v_before, g_before, damped, before_it = (
+            remembered(slot, n) for slot in (_VELOCITY, _GRAVITY, _DAMPER, _PUSHED)
+        )
         runs = ca.if_else(state > HANDED_ON, 1.0, 0.0)
         pull = case.times("stiffness", case.reference.error)
         spring, damper = case.state.J.T @ pull, _damper(case, law)
@@ -154,14 +157,16 @@ class EnergyTank:
         energy = ca.fmin(there - granted, self.capacity)
         left_it = runs * (before + dissipated - (there - granted)) / h
 
-        # By the velocity of the next period, as far as it is known.
-        asked = ca.dot(active, v + runs * (v - v_before) / 2)
-        drawn, free = ca.fmax(asked, _NOTHING), ca.fmax(energy, 0)
+        # u_a' = s u_a does s (b + c s) over the next period: without it, the arm would go on as it
+        # did without the last one.
+        pushed = linear.forward(case.state.H_factor, active)
+        asked = ca.dot(active, v + runs * (v - v_before) / 2) - h * ca.dot(pushed, before_it) / 2
+        own, free = h * ca.sumsqr(pushed) / 2, ca.fmax(energy, 0)
         share = ca.fmin(1, free / (_LOW * self.capacity))
-        share = ca.fmin(share, free / (_CLOSING * drawn))
+        share = ca.fmin(share, _within(free / _CLOSING, asked, own))
         if math.isfinite(self.power):
             pulled = runs * ca.fmax(held_before * U - left - given, 0) / h
-            share = ca.fmin(share, self.power / (drawn + pulled))
+            share = ca.fmin(share, _within(ca.SX(self.power), asked + pulled, own))
         return TankStep(
             torque=gravity + held * spring + damper + share * active,
             outputs=ca.vertcat(
@@ -173,7 +178,8 @@ class EnergyTank:
                 _SPRING: granted,
                 _HELD: held,
                 SHARE: share,
-                _GIVEN: h * share * asked,
+                _GIVEN: h * share * (asked + own * share),
+                _PUSHED: share * pushed,
                 _VELOCITY: v,
                 _GRAVITY: gravity,
                 _DAMPER: damper,
@@ -201,6 +207,12 @@ class EnergyTank:
     def speed(self, damping: float) -> float:
         """sqrt(P / d): the most that an arm comes to from rest along an axis [m/s]."""
         return math.sqrt(self.power / damping)
+
+
+def _within(power: ca.SX, asked: ca.SX, own: ca.SX) -> ca.SX:
+    """The greatest s with s (asked + own s) <= power, of an own power that is not negative [W]."""
+    root = ca.sqrt(asked**2 + 4 * own * power)
+    return 2 * power / ca.fmax(asked + root, _NOTHING)
 
 
 def _damper(case: Case, law: ControlLaw) -> ca.SX:

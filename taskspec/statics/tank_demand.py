@@ -96,7 +96,8 @@ def has_tank(task: Task, name: str) -> bool:
 def first_contact(stage: StagePlan) -> FirstContact | None:
     """The bound on its first contact; None without a limit on the power, or a surface ahead.
 
-    That is of a motion along the axis that leads there, whose damper the law has.
+    A force loop leads there, against the law's damper along its axis. Where a reference leads, its
+    spring lends what it has stored, and there is no such bound.
     """
     tank, contact = stage.law.tank, stage.contacts.main
     if tank is None or tank.power is None or contact is None or not stage.translations:
@@ -104,11 +105,14 @@ def first_contact(stage: StagePlan) -> FirstContact | None:
     normal = stage.contacts.normal(contact)
     axis = max(stage.translations, key=lambda a: abs(stage.kinematics.along(a, normal)))
     damping = value_of(stage.gains, "damping", axis)
-    if stage.law.control_law.damps_joints or not damping > 0:
+    plan = stage.plans[axis]
+    if not plan.force or plan.mode.moves or not damping > 0:
         return None
     context = stage.context
     surface = context.compliances[contact]
     mass = mass_along(context.robot, context.start, normal)
+    if not stage.law.control_law.natural:
+        damping /= 1 + context.period * damping / mass  # See `laws.tank`.
     bound = tank.of_law.first_contact(damping, mass, surface.stiffness, surface.damping)
     return FirstContact(contact, axis, tank.of_law.speed(damping), bound)
 
