@@ -132,7 +132,8 @@ def _motion(stage: StagePlan) -> tuple[float, Vector, Vector]:
         energy += mass * v**2 / 2
         if drag and gains["stiffness"] > 0:
             energy += (drag * v) ** 2 / gains["stiffness"] / 2
-        power += mass * v * np.gradient(v, step) + drag * v**2
+        # A tank pays for what leads the arm against a damper at rest, which gives that back to it.
+        power += mass * v * np.gradient(v, step) + gains["damping"] * v**2
     way = step * np.sqrt(sum((v**2 for v in velocity.values()), np.zeros(_SAMPLES - 1)))
     return float(np.max(energy)), way, power
 
