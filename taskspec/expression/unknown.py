@@ -205,7 +205,11 @@ _FAMILIES = {
     str(signals.Index.LINK): (tuple(signals.LINK), "the link has no signal"),
     **{
         head: (
-            tuple(n.partition(".")[2] for n in (*signals.ENERGY, *signals.TANK) if n.startswith(f"{head}.")),
+            tuple(
+                n.partition(".")[2]
+                for n in (*signals.ENERGY, *signals.TANK)
+                if n.startswith(f"{head}.")
+            ),
             f"no {head} of a law is called",
         )
         for head in ("energy", "power", "tank")

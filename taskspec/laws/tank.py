@@ -153,7 +153,7 @@ class EnergyTank:
             rise = ca.fmax(left + h * self.power, 0)
             allowed = ca.if_else(state > HANDED_ON, ca.fmin(allowed, rise), allowed)
         granted = ca.fmin(U, allowed)
-        held = ca.if_else(U > allowed, allowed / ca.fmax(U, _NOTHING), 1.0)
+        held = ca.if_else(allowed < U, allowed / ca.fmax(U, _NOTHING), 1.0)
         energy = ca.fmin(there - granted, self.capacity)
         left_it = runs * (before + dissipated - (there - granted)) / h
 

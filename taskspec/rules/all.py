@@ -33,7 +33,6 @@ from taskspec.rules import (
     set_points,
     signals,
     stability,
-    tanks,
     variations,
     contacts,
     bushings,

@@ -39,9 +39,7 @@ class Tank(Model):
 
     energy: Joules = Field(title="Capacity")
     start: Joules | None = Field(None, title="Energy at the start")
-    power: Annotated[float, Constant(POWER, above=0)] | None = Field(
-        None, title="Power limit"
-    )
+    power: Annotated[float, Constant(POWER, above=0)] | None = Field(None, title="Power limit")
 
     @property
     def first(self) -> float:
@@ -54,7 +52,7 @@ class Tank(Model):
         return EnergyTank(self.energy, math.inf if self.power is None else self.power)
 
     @classmethod
-    def expand(cls, data: object, context: ParseContext) -> object:
+    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
         """Reads an energy as a tank of that capacity."""
         return short_form(data, "energy")
 

@@ -76,7 +76,7 @@ class Recomputed:
 
     def damper(self, terms):
         """(6, 6) D, of a law with an apparent mass (D^-1 + T Lambda^-1)^-1."""
-        v, g, H, bias, J, drift = terms
+        _, _, H, _, J, _ = terms
         if self.law == "pd":
             return np.diag(self.damping)
         mobility = J @ np.linalg.solve(H, J.T)
@@ -84,7 +84,7 @@ class Recomputed:
 
     def equation(self, k, pull, velocity, terms):
         """u of the law's own equation: (4.21), or (4.16) with a reference at rest."""
-        v, g, H, bias, J, drift = terms
+        _, g, H, bias, J, drift = terms
         if self.law == "pd":
             return J.T @ (pull - self.damping * velocity) + g
         f = -self.row(k, [f"{'torque' if a in SIX[3:] else 'force'}.{a}.measured" for a in SIX])
@@ -206,7 +206,9 @@ def careless(rng):
     law = str(rng.choice(["pd", "impedance-natural", "parallel-pid", "impedance", "parallel"]))
     swing, rate = rng.uniform(0.2, 0.9), rng.uniform(0.5, 6)
     stiffness = f"{rng.uniform(200, 900):.4g} N/m"
-    gains = f"stiffness: {{linear: {stiffness}}}, damping: {{linear: {rng.uniform(30, 90):.4g} N*s/m}}"
+    gains = (
+        f"stiffness: {{linear: {stiffness}}}, damping: {{linear: {rng.uniform(30, 90):.4g} N*s/m}}"
+    )
     if rng.uniform() < 0.5:
         formula = f"{stiffness} * (1 + {swing:.3g} * sin(2*pi*t*{rate:.3g} Hz))"
         gains = gains.replace(f"{{linear: {stiffness}}}", f"{{x: '{formula}', y: '{formula}'}}")
@@ -220,8 +222,8 @@ def careless(rng):
     return arm.task(
         f"{{kind: {law}, {gains}, {tank}}}",
         f"press: {{axes: {{N: {{{into}}}}}, time: 0.6 s}}",
-        f"on: {{axes: {{N: {{{into}}}, {across}: {{move: {way:.3g} mm, speed: {speed:.3g} mm/s}}}}, "
-        "time: 1 s}",
+        f"on: {{axes: {{N: {{{into}}}, {across}: {{move: {way:.3g} mm, "
+        f"speed: {speed:.3g} mm/s}}}}, time: 1 s}}",
         contact=f"stiffness: {10 ** rng.uniform(3.3, 4.3):.4g} N/m, damping: 20 N*s/m, "
         f"friction: {rng.uniform(0, 0.4):.2g}",
     ), limit != ""
@@ -258,7 +260,8 @@ def test_no_random_law_with_a_tank_gives_more_than_there_was(tmp_path, request, 
     prediction("runs that give no more than there was", "V' <= f.x'", case, seen, passive,
                atol=0.5, because=because)  # fmt: skip
     prediction("runs whose tank gives no more power than its limit", "P <= P_max",
-               f"{case}, those with a limit", limited, bounded, atol=0.5, because=because)  # fmt: skip
+               f"{case}, those with a limit", limited, bounded, atol=0.5,
+               because=because)  # fmt: skip
 
 
 def lowered(rng):
@@ -272,9 +275,9 @@ def lowered(rng):
         start = f"[{300 + gap:.4g} mm, 300 mm, 0]"
     k_e, d_e = 10 ** rng.uniform(3.3, 4.7), rng.uniform(0, 60)
     power = 10 ** rng.uniform(-1.3, 0.5)
+    damping = f"{rng.uniform(40, 120):.4g} N*s/m"
     text = arm.task(
-        f"{{kind: {law}, stiffness: {{linear: 20 N/m}}, damping: {{linear: {rng.uniform(40, 120):.4g} "
-        f"N*s/m}}, tank: {{energy: 3 J, power: {power:.4g} W}}}}",
+        f"{{kind: {law}, stiffness: {{linear: 20 N/m}}, damping: {{linear: {damping}}}, tank: {{energy: 3 J, power: {power:.4g} W}}}}",
         f"down: {{axes: {{N: {{force: +{rng.uniform(8, 30):.3g} N}}}}, time: 4 s}}",
         contact=f"stiffness: {k_e:.5g} N/m, damping: {d_e:.4g} N*s/m",
     )

@@ -158,9 +158,7 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
     )
 
 
-def _tank_step(
-    plan: StagePlan, measurement: Measurement, case: Case, commanded: ca.SX
-) -> TankStep:
+def _tank_step(plan: StagePlan, measurement: Measurement, case: Case, commanded: ca.SX) -> TankStep:
     """What a stage's tank makes of the torque (n,) that its law commands."""
     assert plan.law.tank is not None
     step = plan.law.tank.of_law.step(
@@ -177,9 +175,7 @@ def _tank_step(
     return step
 
 
-def energies(
-    plan: StagePlan, case: Case, step: TankStep | None = None
-) -> Mapping[str, ca.SX]:
+def energies(plan: StagePlan, case: Case, step: TankStep | None = None) -> Mapping[str, ca.SX]:
     """The energies and powers of a stage's law by name; none where it states none."""
     tank = () if step is None else (step.named()[n] for n in ("tank.spring", "tank.filled"))
     found = stage_energy(plan, case, *tank)
