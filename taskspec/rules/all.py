@@ -33,6 +33,7 @@ from taskspec.rules import (
     set_points,
     signals,
     stability,
+    tanks,
     variations,
     contacts,
     bushings,
@@ -70,5 +71,6 @@ __all__ = [
     "set_points",
     "signals",
     "stability",
+    "tanks",
     "variations",
 ]

@@ -277,7 +277,8 @@ def lowered(rng):
     power = 10 ** rng.uniform(-1.3, 0.5)
     damping = f"{rng.uniform(40, 120):.4g} N*s/m"
     text = arm.task(
-        f"{{kind: {law}, stiffness: {{linear: 20 N/m}}, damping: {{linear: {damping}}}, tank: {{energy: 3 J, power: {power:.4g} W}}}}",
+        f"{{kind: {law}, stiffness: {{linear: 20 N/m}}, damping: {{linear: {damping}}}, "
+        f"tank: {{energy: 3 J, power: {power:.4g} W}}}}",
         f"down: {{axes: {{N: {{force: +{rng.uniform(8, 30):.3g} N}}}}, time: 4 s}}",
         contact=f"stiffness: {k_e:.5g} N/m, damping: {d_e:.4g} N*s/m",
     )
