@@ -37,7 +37,6 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from taskspec.control import linear
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
 
@@ -128,6 +127,9 @@ class EnergyTank:
             remembered: a slot of the memory, by name and length.
             law: of the stage.
         """
+        # Loaded here: it needs CasADi, which a file that is only read does not.
+        from taskspec.control import linear
+
         n, h, v = torque.shape[0], case.period, case.joint_velocity
         before, state = remembered(ENERGY, 1), remembered(STATE, 1)
         stretched, held_before, given = (remembered(s, 1) for s in (_SPRING, _HELD, _GIVEN))
@@ -227,6 +229,8 @@ def _damper(case: Case, law: ControlLaw) -> ca.SX:
     velocity = state.velocity if case.carried is None else state.J @ case.joint_velocity
     push = case.times("damping", velocity)
     if not law.natural:
+        from taskspec.control import linear
+
         m = len(state.axes)
         inertia = linear.solve(linear.cholesky(state.mobility), ca.SX.eye(m))
         whole = linear.cholesky(case.matrix("damping") + inertia / case.period)
