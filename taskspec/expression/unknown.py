@@ -206,10 +206,14 @@ _FAMILIES = {
     str(signals.Index.GRIP): (tuple(signals.GRIP), "the gripper has no signal"),
     **{
         head: (
-            tuple(n.partition(".")[2] for n in signals.ENERGY if n.startswith(f"{head}.")),
+            tuple(
+                n.partition(".")[2]
+                for n in (*signals.ENERGY, *signals.TANK)
+                if n.startswith(f"{head}.")
+            ),
             f"no {head} of a law is called",
         )
-        for head in ("energy", "power")
+        for head in ("energy", "power", "tank")
     },
     str(signals.Index.GAIN): (tuple(f"{name}.z" for name in signals.GAIN), "there is no gain"),
 }

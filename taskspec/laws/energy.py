@@ -27,7 +27,8 @@ class Energy:
         contact: power of the environment on the tool [W].
         reference: what a reference that moves puts in [W].
         force: what set points of forces, and errors of forces, put in [W].
-        integral: what the integrals of force loops put in [W].
+        integral: what the integrals of force loops put in [W]. None of these three where an energy
+            tank pays for them.
         dissipated: what its dampers take [W].
         commanded: q'^T (u - g) of all this [W]; None where the mass is not the arm's own, so that
             joint torques do not show it.
@@ -36,9 +37,9 @@ class Energy:
     kinetic: ca.SX
     spring: ca.SX
     contact: ca.SX
-    reference: ca.SX
-    force: ca.SX
-    integral: ca.SX
+    reference: ca.SX | None
+    force: ca.SX | None
+    integral: ca.SX | None
     dissipated: ca.SX
     commanded: ca.SX | None = None
 
@@ -54,7 +55,7 @@ class Energy:
             "energy.kinetic": self.kinetic,
             "energy.spring": self.spring,
             "energy.stored": self.stored,
-        } | {f"power.{name}": getattr(self, name) for name in powers}
+        } | {f"power.{n}": power for n in powers if (power := getattr(self, n)) is not None}
 
 
 def of_the_arm(
@@ -125,4 +126,25 @@ def of_a_mass(
         force=ca.dot(nothing if force is None else force, rate),
         integral=ca.dot(nothing if integral is None else integral, rate),
         dissipated=ca.dot(case.times("damping", rate), rate),
+    )
+
+
+def beside_a_tank(case: Case, granted: ca.SX, filled: ca.SX) -> Energy:
+    """1/2 q'^T H q' + r 1/2 e^T K_m e: what stays of any law with an energy tank (`laws.tank`).
+
+    Args:
+        case: the stage.
+        granted: r, the share of its springs.
+        filled: power of its dampers over the last period [W].
+    """
+    state = case.state
+    pull = case.times("stiffness", case.reference.error)
+    return Energy(
+        kinetic=ca.sumsqr(state.H_factor.T @ case.joint_velocity) / 2,
+        spring=granted * ca.dot(pull, case.reference.error) / 2,
+        contact=ca.dot(state.f, state.velocity),
+        reference=None,
+        force=None,
+        integral=None,
+        dissipated=filled,
     )

@@ -28,4 +28,4 @@ def last_velocity(context: Context, parameters: Slots) -> ca.SX:
 
 
 def _slot(context: Context, parameters: Slots, name: str) -> ca.SX:
-    return parameters.symbol(name) if name in parameters else parameters.add(name, context.robot.n)
+    return parameters.once(name, context.robot.n)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.laws.tank import OUTPUTS as TANK
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.robot.rebuild import GRAVITY
 from taskspec.signals import SCALARS, VECTORS
@@ -90,13 +91,14 @@ def fields(equations: int, followed: int = 0, more: Fields = ()) -> Fields:
 def optional(task: Task, joints: int) -> Fields:
     """Outputs that not every task has, in their order.
 
-    Gains that vary, params that may be set, joints whose disturbance is estimated; command and load
-    of the gripper.
+    Gains that vary, params that may be set, joints whose disturbance is estimated, an energy tank;
+    command and load of the gripper.
     """
     found = (
         ("gain", len(task.varying_gains)),
         ("param", len(task.live)),
         ("disturbance", joints if task.observes else 0),
+        ("tank", len(TANK) if task.tanks else 0),
         ("grip", 2 if task.gripped else 0),
     )
     return tuple((name, size) for name, size in found if size)
@@ -154,8 +156,13 @@ HANDED: Fields = (
 
 
 def handed_of(task: Task, joints: int) -> Fields:
-    """`HANDED`, and where the task has a disturbance observer its estimate."""
-    return (*HANDED, *((("disturbance", joints),) if task.observes else ()))
+    """`HANDED`, and what only some tasks hand on.
+
+    The estimate of a disturbance; what is in the tank of the law and in its springs [J], and 1
+    where the law had a tank, 0 elsewhere.
+    """
+    more = (("disturbance", joints if task.observes else 0), ("tank", 3 if task.tanks else 0))
+    return (*HANDED, *((name, size) for name, size in more if size))
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,10 @@ class Slots:
         self.size += length
         return symbol
 
+    def once(self, name: str, length: int = 1) -> ca.SX:
+        """The symbol of a slot, which is new at its first use."""
+        return self._symbols[name] if name in self.slots else self.add(name, length)
+
     def symbol(self, name: str) -> ca.SX:
         """The symbol of a slot."""
         return self._symbols[name]

@@ -35,6 +35,7 @@ from taskspec.rules import (
     set_points,
     signals,
     stability,
+    tanks,
     variations,
     contacts,
     bushings,
@@ -74,5 +75,6 @@ __all__ = [
     "set_points",
     "signals",
     "stability",
+    "tanks",
     "variations",
 ]

@@ -39,8 +39,8 @@ def rising_stiffness(stage: StagePlan) -> Iterator[Finding]:
     where something holds it stretched, 1/2 k' e^2, is for the run to say.
     """
     law = stage.law
-    if law.control_law.selects or stage.joint_path is not None:
-        return
+    if law.control_law.selects or stage.joint_path is not None or law.tank is not None:
+        return  # A tank pays for what a stiffness puts in.
     for on, gain in stage.gains.get("stiffness", {}).items():
         formula = gain.formula
         coupled = any(on in PAIRS[pair] for pair in pairs_of(stage.gains, "stiffness"))

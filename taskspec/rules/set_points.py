@@ -101,8 +101,11 @@ def presses_in_the_air(stage: StagePlan) -> Iterator[Finding]:
     """Stages that press on a surface which they do not touch as they start.
 
     A force loop in the air goes at f_d/d towards the surface, d its damping, and at a multiple of
-    that once its integral is full. What it covers while the set point is ramped is no matter.
+    that once its integral is full. What it covers while the set point is ramped is no matter, nor
+    is a tool that a limit on the power of its law's tank slows down.
     """
+    if _bounded(stage):
+        return
     for axis, gap, speed in in_the_air(stage):
         at = "" if not math.isfinite(speed) else f" at up to {show(speed, 'mm/s', 2)}"
         yield warning(
@@ -135,6 +138,11 @@ def in_the_air(stage: StagePlan) -> Iterator[tuple[Axis, float, float]]:
         damping = law.loop_damping(gains)
         if gap * damping > abs(value) * force.rise / 2:
             yield axis, gap, law.unreturned(gains) * abs(value) / damping if damping else math.inf
+
+
+def _bounded(stage: StagePlan) -> bool:
+    """Whether a tank bounds the power with which the tool goes to a surface."""
+    return stage.law.tank is not None and stage.law.tank.power is not None
 
 
 def _on_equations(stage: StagePlan) -> Iterator[tuple[str, float, KeyPath]]:

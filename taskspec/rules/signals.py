@@ -109,7 +109,7 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
             return elsewhere
     if len(path) == 1:
         return _no_single(stage, path[0])
-    if path[0] in (Index.GAIN, Index.GRIP) or ".".join(path) in ENERGY:
+    if path[0] in (Index.GAIN, Index.GRIP, Index.TANK) or ".".join(path) in ENERGY:
         return _not_of_law(stage, path)
     if path[0] == "joint" and int(path[1]) > robot.n:
         return f"{robot.name!r} has {robot.n} joints"
@@ -174,9 +174,18 @@ def _not_of_law(stage: StagePlan, path: tuple[str, ...]) -> str | None:
         return None if task.gripped or path[0] in task.world else "no stage grips anything"
     if ".".join(path) in ENERGY:
         return _no_energy(stage, ".".join(path))
+    if path[0] == Index.TANK:
+        given = stage.law.tank is not None and stage.joint_path is None
+        return None if given else f"the law of stage {stage.name!r} has no energy tank"
     name, on = ".".join(path[1:-1]), path[-1]
     varies = (name, on) in stage.law.varying
     return None if varies else f"the {name} of stage {stage.name!r} does not vary on {on!r}"
+
+
+#: What a law with a tank has no single power or function of.
+_PAID_FOR = (
+    *("energy.lyapunov", "power.reference", "power.force", "power.integral", "power.gains"),
+)
 
 
 def _no_energy(stage: StagePlan, name: str) -> str | None:
@@ -185,6 +194,8 @@ def _no_energy(stage: StagePlan, name: str) -> str | None:
     if not law.storage or stage.joint_path is not None:
         having = ", ".join(kind for kind, each in LAWS.items() if each.storage)
         return f"{stage.law.kind!r} states no energy that it stores; laws that do: {having}"
+    if stage.law.tank is not None and name in _PAID_FOR:
+        return "the tank of its law pays for that: judge 'tank.power', or 'energy.stored'"
     if name == "energy.lyapunov" and law.force_loop:
         return f"{stage.law.kind!r} has a force loop, whose Lyapunov function is local (4.62)"
     if name == "energy.lyapunov" and stage.law.varying:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from taskspec.geometry.axis import AXES, PAIRS, ROTATIONS, TRANSLATIONS, Axis, entry_dimension
 from taskspec.signals.operations import acos, clip, dot, norm, stack
@@ -330,6 +330,31 @@ _energy("power.force", "what set points and errors of forces put in")
 _energy("power.integral", "what the integrals of force loops put in")
 _energy("power.dissipated", "what the law's dampers take out")
 _energy("power.gains", "what gains that vary put in: ½ eᵀ K' e", _OF_A_RUN)
+
+
+def _tank(name: str, dimension: Dimension, meaning: str, **facts: Any) -> None:
+    """Enters what a tick makes of a law's energy tank (`laws.tank`)."""
+
+    @signal(
+        f"tank.{name}",
+        dimension,
+        of=Index.TANK,
+        meanings={"": meaning},
+        reference="a reference cannot depend on a tank that pays for it",
+        absent="its law has no tank",
+        **facts,
+    )
+    def _value(at: Situation) -> ca.SX | None:
+        return at.tank.get(f"tank.{name}")
+
+
+_SHARE = {"low": 0.0, "high": 1.0}
+_tank("energy", MOMENT, "what is in the energy tank of the law", unit="J")
+_tank("power", POWER, "what has left it over the last period for what is not passive")
+_tank("filled", POWER, "what dampers have put into it over the last period")
+_tank("spring", NUMBER, "share of the law's springs that it grants", **_SHARE)
+_tank("share", NUMBER, "share of what else the law commands that it grants", **_SHARE)
+_tank("refused", NUMBER, "1 less the smaller of both: what it refuses", **_SHARE)
 
 
 @signal(

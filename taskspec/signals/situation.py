@@ -88,6 +88,7 @@ class Situation:
         energies: gives the energies and powers of the stage's law by name; empty where it states
             none.
         disturbance: (n,) what the stage's observer estimates [N m, N]; None without one.
+        tank: signals of the stage's energy tank by name; empty without one.
         known: signals by full name that are given instead of evaluated, and those evaluated so far.
     """
 
@@ -115,6 +116,7 @@ class Situation:
     grip: Mapping[str, ca.SX] = field(default_factory=dict)
     energies: Callable[[], Mapping[str, ca.SX]] = dict
     disturbance: ca.SX | None = None
+    tank: Mapping[str, ca.SX] = field(default_factory=dict)
     known: dict[str, ca.SX] = field(default_factory=dict)
 
     def signal(self, *path: str) -> ca.SX | None:

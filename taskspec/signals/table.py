@@ -30,6 +30,7 @@ class Index(StrEnum):
     GAIN = "gain"
     ENERGY = "energy"
     GRIP = "grip"
+    TANK = "tank"
 
 
 #: What may differ from the truth: the wrench, which is zero while nothing is touched; objects.
@@ -145,6 +146,8 @@ GAIN: dict[str, Signal] = {}
 ENERGY: dict[str, Signal] = {}
 #: Of the gripper, by the last part of the name.
 GRIP: dict[str, Signal] = {}
+#: Of the energy tank of a law, by their whole name.
+TANK: dict[str, Signal] = {}
 #: Of an object, by its kind and what follows the object's name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
@@ -158,6 +161,7 @@ _TABLES = {
     Index.GAIN: GAIN,
     Index.ENERGY: ENERGY,
     Index.GRIP: GRIP,
+    Index.TANK: TANK,
 }
 
 
@@ -253,5 +257,7 @@ def find(
             return Entry(GRIP[name], "", GRIP[name].dimension)
         case (_, _) if (name := ".".join(path)) in ENERGY:
             return Entry(ENERGY[name], "", ENERGY[name].dimension)
+        case (Index.TANK, _) if (name := ".".join(path)) in TANK:
+            return Entry(TANK[name], "", TANK[name].dimension)
         case _:
             return None

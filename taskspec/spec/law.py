@@ -18,6 +18,7 @@ from taskspec.laws.design import joint_damping
 from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
 from taskspec.laws.joint_velocity import JOINT_VELOCITY, JointVelocity
 from taskspec.laws.law import Solve, commanding
+from taskspec.laws.tank import misfit
 from taskspec.spec.axis import AxisEntry
 from taskspec.spec.disturbance_observer import DisturbanceObserver
 from taskspec.spec.gains import AxisValues, GainField
@@ -26,6 +27,7 @@ from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import ForJoints
 from taskspec.spec.servo import PLURALS, TORQUE, VELOCITY, command_of
 from taskspec.spec.sliding import Sliding
+from taskspec.spec.tank import Tank
 from taskspec.spec.words import Word, Words
 from taskspec.text.codes import register
 from taskspec.text.data import Map, Text
@@ -45,6 +47,7 @@ if TYPE_CHECKING:
 
 register(
     {
+        "TS137": "an energy tank of a law that takes none",
         "TS140": "a law that commands what the robot does not take",
         "TS143": "a sliding term or a disturbance observer where the law cannot have one",
         "TS206": "an unknown law",
@@ -120,6 +123,7 @@ class Law(Model):
         force: gains of the force loop.
         sliding: what motion axes are held with against what the model lacks; None for nothing.
         disturbance_observer: that takes off what pushes the arm; None for none.
+        tank: what it may put into the arm beyond what its dampers take; None for whatever it does.
         orientation: how orientation errors are measured.
         null_space: what a redundant arm does with the joints that the task leaves free; these
             goals are added up.
@@ -163,6 +167,7 @@ class Law(Model):
     force: ForceGains | None = Field(None, title="Gains of the force loop")
     sliding: Sliding | None = Field(None, title="Sliding term of the motion axes")
     disturbance_observer: DisturbanceObserver | None = Field(None, title="Disturbance observer")
+    tank: Tank | None = Field(None, title="Energy tank")
     orientation: Annotated[
         Literal["so3", "rpy", "zyz"], Word(("so3", "rpy", "zyz"), "orientation error")
     ] = Field("so3", title="Orientation error")
@@ -370,6 +375,15 @@ class Law(Model):
         if not isinstance(kind, str) or kind not in LAWS:
             return
         _check_command(kind, data, context)
+        reason = misfit(LAWS[kind])
+        if "tank" in data and reason:
+            fitting = ", ".join(name for name, law in LAWS.items() if not misfit(law))
+            context.error(
+                "TS137",
+                f"the law '{kind}' takes no tank: {reason}",
+                data.node.key_span("tank"),
+                f"laws that take one: {fitting}",
+            )
         if "null_space" in data and not LAWS[kind].holds_null_space:
             context.error(
                 "TS213",

@@ -221,6 +221,8 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
                     ({"layer": "20 mm/s", "payload": "500 g"},)),
         "disturbance_observer": ("Takes off what pushes the arm beside the measured force.",
                                  ("20 Hz",)),
+        "tank": ("What the law may put into the arm beyond what its dampers take.",
+                 ("2 J", {"energy": "2 J", "start": "1 J", "power": "5 W"})),
         "orientation": ("How orientation errors are measured; so3 has no singularity.", ()),
         "solve": ("closed-form: torques saturate, limits stop. qp: limits are kept.", ()),
         "solver": ("Of the quadratic program; daqp by default.", ()),

@@ -206,6 +206,12 @@ class Task(Model):
         laws = [self.law, *(stage.law for stage in self.stages.values() if stage.law is not None)]
         return tuple(dict.fromkeys(each for law in laws for each in law.varying))
 
+    @property
+    def tanks(self) -> bool:
+        """Whether a law of any of its stages has an energy tank."""
+        laws = (self.law, *(stage.law for stage in self.stages.values()))
+        return any(law is not None and law.tank is not None for law in laws)
+
     def dimensions_of(self, path: str) -> tuple[Dimension, ...]:
         """The dimension of each component of a value that can vary, by its path under `vary`."""
         return self.target_of(path).dimensions

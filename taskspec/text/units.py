@@ -465,6 +465,15 @@ def scaled(value: float, dimension: Dimension, digits: int = 4) -> str:
     return show(value, suited(value, dimension) or dimension, digits)
 
 
+#: From so much on energies are said in joules [J].
+_JOULE = 0.1
+
+
+def joules(value: float, digits: int = 3) -> str:
+    """An energy [J] in words, which has the dimension of a moment: `joules(0.02)` = "20 mJ"."""
+    return show(value, "J" if abs(value) >= _JOULE else "mJ", digits)
+
+
 def suited(size: float, dimension: Dimension) -> str:
     """The unit that suits the size of a quantity [SI]; empty for plain numbers."""
     steps = measure_of(dimension).sized

@@ -25,7 +25,7 @@ STRETCH = 0.5
 #: Outputs of a stage about its commands, which have no value any more.
 _COMMAND_OUTPUTS = (
     *("force_ref", "position_ref", "velocity_ref", "error", "reaction_ref"),
-    *("gap_ref", "reaction_residual", "joint_ref", "gain"),
+    *("gap_ref", "reaction_residual", "joint_ref", "gain", "tank"),
     *("path_done", "force_inconsistent", "limited", "limits", "residual"),
 )
 #: Squared joint velocities of a sane arm stay far below this.

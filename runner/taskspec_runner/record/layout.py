@@ -12,11 +12,12 @@ from taskspec.deferred import pa
 from taskspec.deferred_methods import dataclass
 from taskspec.faults import ENCODER, TORQUE
 from taskspec.geometry.axis import AXES, Axis, axes_of
+from taskspec.laws.tank import OUTPUTS
 from taskspec.program import ports
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
-from taskspec.signals import GAIN, GRIP, JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
+from taskspec.signals import GAIN, GRIP, JOINT, LINK, OBJECT, SCALARS, TANK, VECTORS, Index
 from taskspec.signals.table import MEASURED, REFERENCE
 from taskspec.spec import Task
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
@@ -260,6 +261,7 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
     yield from _of_gains(task, axes)
     yield from _of_params(task)
     yield from _of_grip(task)
+    yield from _of_tanks(task)
     yield from _of_joints(robot, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
@@ -303,6 +305,13 @@ def _of_grip(task: Task) -> Iterator[Column]:
     rows |= {"command": ("grip", 0), "load": ("grip", 1)}
     for name, (field, row) in rows.items():
         yield Column(f"{Index.GRIP}.{name}", si_unit(GRIP[name].dimension), field, row)
+
+
+def _of_tanks(task: Task) -> Iterator[Column]:
+    """The columns of energy tanks, where a law has one."""
+    for name, signal in TANK.items() if task.tanks else ():
+        unit = signal.unit or si_unit(signal.dimension)
+        yield Column(name, unit, "tank", OUTPUTS.index(name.removeprefix("tank.")))
 
 
 def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:

@@ -305,13 +305,14 @@ def _power(run: Run) -> Chart | None:
 _STORED = {"energy.lyapunov": "ink", "energy.kinetic": "x", "energy.spring": "y",
            "energy.contact": "z"}  # fmt: skip
 _TERMS = {"contact": "j0", "reference": "j1", "force": "j2", "integral": "j3", "gains": "j4",
-          "torques": "j5", "sampling": "j6", "rest": "muted", "dissipated": "ink"}  # fmt: skip
+          "torques": "j5", "sampling": "j6", "tank": "x", "rest": "muted",
+          "dissipated": "ink"}  # fmt: skip
 
 
 _TOGETHER = "together"
 
 
-def _energies(run: Run) -> Iterator[Chart]:
+def _energies(run: Run) -> Iterator[Chart | None]:
     """What laws store, and what has changed that since each stage began."""
     found = run.energies if not run.manifest.get("recorded") and len(run) <= MOST else None
     if found is None or not found.visits:
@@ -327,6 +328,22 @@ def _energies(run: Run) -> Iterator[Chart]:
     lines.append((_TOGETHER, reduce(np.add, works.values()), "ink"))
     note = "work since each stage began; dissipated is taken out, and together they are stored"
     yield _of_energy(run, "work", "What changes the stored energy", lines, note)
+    if run.column("tank.energy") is not None:
+        yield _tank(run)
+        lines = [Drawn("tank.power", "j3", "out of it", continuous=True)]
+        yield of_signals(run, "tank power", "Power out of the energy tank", lines)
+
+
+def _tank(run: Run) -> Chart:
+    """What is in energy tanks, and the power that leaves them: joules and watts are of one size."""
+    energy, power = run.column("tank.energy"), run.column("tank.power")
+    refused = run.column("tank.refused")
+    assert energy is not None
+    lines = [("tank.energy", energy, "z")]
+    share = 0.0 if refused is None else float(np.nanmax(refused, initial=0.0))
+    most = 0.0 if power is None else float(np.nanmax(power, initial=0.0))
+    note = f"at most {' '.join(quantity(most, 'W'))} left it, and {100 * share:.3g} % was refused"
+    return _of_energy(run, "tank", "In the energy tank", lines, note)
 
 
 def _of_energy(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 
 import casadi as ca
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from taskspec.program.bound import RowFunction
 from taskspec.program.context import Context
+from taskspec.program.world.frames import surface
 from taskspec.rules.finding import Finding, warning
 from taskspec.rules.places import motion_of
 from taskspec.shapes import BoundedSurface
@@ -92,8 +94,10 @@ class Surroundings:
 
 
 def collisions(trial: Trial) -> Iterator[Finding]:
-    """Where a link is first in each object."""
+    """Where a link is first in each object, which is where the world of the trial has it."""
     context = trial.program.context
+    shapes = trial.world.task.shapes.items()
+    context = replace(context, surfaces={name: surface(shape) for name, shape in shapes})
     columns = [f"joint.{i + 1}.position" for i in range(context.robot.n)]
     if not len(trial.history):
         return

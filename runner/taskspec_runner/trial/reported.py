@@ -16,7 +16,7 @@ from taskspec.rules.finding import Finding, Place, info, warning
 from taskspec.rules.places import motion_of
 from taskspec.spec import FILE, KeyPath, key_of
 from taskspec.spec.stage import OSCILLATION
-from taskspec.stability.gain_paths import gain_path
+from taskspec.stability.gain_paths import gain_path, law_path
 from taskspec.stability.sampled_stage import loop_of
 from taskspec.text.codes import register
 from taskspec.text.units import show
@@ -28,10 +28,12 @@ from taskspec_runner.trial.trial import OPEN, Trial
 from taskspec_runner.verdict.energy import RunEnergies, gain_text
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.run_finding import RunFinding
+from taskspec_runner.verdict.tank import refusal
 
 register(
     {
         "TS219": "a gain that stops being positive definite in the trial",
+        "TS344": "an energy tank that refuses something in the trial",
         "TS422": "an arm that is singular on its way",
         "TS424": "a joint that comes to its limit",
         "TS425": "a motion that leaves what its frame follows",
@@ -121,6 +123,7 @@ def reported(trials: Sequence[Trial]) -> Iterator[Finding]:
             if finding.stage not in passed:
                 yield _of_run(last, finding)
         yield from _gained(last)
+        yield from _refused(last)
         expectations = last.program.context.loaded.task.expect
         for expectation, judged in zip(expectations, last.judged, strict=True):
             if judged.missed:
@@ -431,6 +434,22 @@ def _gained(trial: Trial) -> Iterator[Finding]:
             text = f"in the trial, {gain_text(data)}"
             hint = "let them rise more slowly, or with more damping"
             yield info("TS510", text, place, hint, unless=("TS509", "TS510"))
+
+
+def _refused(trial: Trial) -> Iterator[Finding]:
+    """Stages whose tank refuses something of what their law commands."""
+    tanks = {s.name: s.plan for s in trial.program.stages if s.plan.law.tank is not None}
+    if not tanks:
+        return
+    clock = trial.history.columns["clock"]
+    for each in RunEnergies(trial.program, trial.history, trial.world.task).visits:
+        data = each.as_data(clock)
+        if each.visit.stage in tanks and "time" in data.get("tank", {}):
+            plan = tanks.pop(each.visit.stage)
+            text = f"in the trial, {refusal(plan.name, data['tank'])}"
+            hint = "that is its purpose; where it should not, give it more energy, or more power"
+            place = law_path(plan.context, plan.name).tank
+            yield info("TS344", text, place, hint, unless=("TS511", "TS512", "TS344"))
 
 
 def _missed(trial: Trial, judged: Judged, place: Place | None) -> Finding:

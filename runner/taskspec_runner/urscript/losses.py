@@ -96,6 +96,8 @@ def _of_law(place: KeyPath, law: Law) -> Iterator[tuple[KeyPath, str]]:
         yield place, text
     if law.null_space != Law().null_space:
         yield place, "goals in the null space: a Universal Robots arm has none"
+    if law.tank is not None:
+        yield place.tank, "the energy tank: nothing pays for what is not passive"
 
 
 def _of_stage(stage: StagePlan) -> Iterator[tuple[KeyPath, str]]:

@@ -37,22 +37,21 @@ from taskspec.robot.rigid_body import rigid_body
 from taskspec.signals import ENERGY
 from taskspec.signals.entries import TOUCHING
 from taskspec.spec import Task
-from taskspec.text.units import si_unit
+from taskspec.text.units import joules, si_unit
 from taskspec_runner.record.history import History, NotRecordedError, Visit
+from taskspec_runner.verdict.tank import TankCourse
 
 Vector = NDArray[np.float64]
 
 #: What feeds the storage from outside: the environment, and what the task asks for.
 PORTS = ("contact", "reference", "force")
-#: What feeds it from within.
-INNER = ("integral", "gains", "torques", "sampling", "rest")
+#: What feeds it from within. Of a law with an energy tank that is the tank, whatever it pays for.
+INNER = ("integral", "gains", "torques", "sampling", "tank", "rest")
 #: A gain of energy below this share of what was stored and went through a port is none: by some
 #: percent sampled loops are off their continuous rates. Nor is one below [J].
 _SHARE, _LEAST = 0.05, 1e-3
 #: Ticks of a run up to which its summary and its report have energies: ten minutes at 1 kHz.
 MOST = 600_000
-#: From so much on energies are said in joules [J].
-_JOULE = 0.1
 #: A part of a unit normal that is none.
 _NO_PART = 1e-6
 #: How the terms are called in a sentence.
@@ -61,6 +60,7 @@ WORDS = {
     "gains": "gains that vary",
     "torques": "torques beside its equation (null space, feed-forward, limits, hand-over)",
     "sampling": "springs that are held over a period",
+    "tank": "its energy tank",
     "rest": "what its equation leaves out (delay, sensor, model)",
 }
 
@@ -75,12 +75,14 @@ class StageEnergy:
         works: (n,) what each term has put in since the visit began, by name [J]; `dissipated` is
             taken out, and `rest` makes the sum what is stored.
         storage: the law's storage function in words.
+        tank: of its law; None without one.
     """
 
     visit: Visit
     signals: Mapping[str, Vector]
     works: Mapping[str, Vector]
     storage: str
+    tank: TankCourse | None = None
 
     @property
     def stored(self) -> Vector:
@@ -92,16 +94,25 @@ class StageEnergy:
         """(n,) what was stored at first, and what came in at the contact since [J].
 
         Below zero, more has left there than there was: the passivity observer of Hannaford and
-        Ryu (2002) at the contact port.
+        Ryu (2002) at the contact port. What is in an energy tank at first was there, too.
         """
         found: Vector = self.stored[0] + self.works["contact"]
-        return found
+        return found if self.tank is None else found + self.tank.energy[0]
 
     @property
     def _net(self) -> Vector:
-        """(n,) what has come from within, less what dampers took [J]."""
-        net: Vector = sum((self.works[name] for name in INNER), -self.works["dissipated"])
+        """(n,) what has come from within, less what dampers took [J].
+
+        What an energy tank gives it has had before.
+        """
+        net: Vector = sum(map(self._inner, INNER), -self.works["dissipated"])
         return net
+
+    def _inner(self, name: str) -> Vector:
+        """(n,) what a term has put in from within [J]; a tank what it had not got before."""
+        if name != "tank" or self.tank is None:
+            return self.works[name]
+        return self.works[name] + self.tank.energy - self.tank.energy[0]
 
     @cached_property
     def gain(self) -> tuple[int, int, str] | None:
@@ -117,7 +128,7 @@ class StageEnergy:
         most = max(_SHARE * (float(np.max(self.stored)) + through), _LEAST)
         if not net[last] - net[first] > most:
             return None
-        put_in = {n: float(self.works[n][last] - self.works[n][first]) for n in INNER}
+        put_in = {n: float(self._inner(n)[last] - self._inner(n)[first]) for n in INNER}
         by = max(put_in, key=lambda name: put_in[name])
         # What is late lends as much as is stored, and takes it back: more than that is a gain.
         lent = by == "rest" and net[last] - net[first] < np.max(self.stored)
@@ -144,6 +155,7 @@ class StageEnergy:
                        "last": float(self.stored[-1])},
             "work": {name: float(values[-1]) for name, values in self.works.items()},
             "observed": float(np.min(self.observed)),
+            **({} if self.tank is None else {"tank": self.tank.as_data()}),
             **data,
         }  # fmt: skip
 
@@ -236,7 +248,7 @@ class _OfStage:
         sizes = {"H": n * (n + 1) // 2, "v": n} | dict.fromkeys(
             ("error", "velocity", "reference", "measured", "desired", "integral", "held"),
             len(axes),
-        ) | {"t": 1}  # fmt: skip
+        ) | {"t": 1, "granted": 1, "filled": 1}  # fmt: skip
         symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
         self._varying = [
             (name, on) for name, on in plan.law.varying if on in plan.gains.get(name, {})
@@ -273,12 +285,15 @@ class _OfStage:
             normal=tuple(a for a in axes if plan.plans[a].yields),
             free=FreeDirections(unknown, unknown, np.nan) if plan.consistent else None,
         )
-        found = stage_energy(plan, case)
+        self._tank = plan.law.tank
+        tank = () if self._tank is None else (symbols["granted"], symbols["filled"])
+        found = stage_energy(plan, case, *tank)
         self.stated = found is not None
         if found is None:
             return
         named = found.signals() | {"commanded": found.commanded}
         self._names = [name for name, value in named.items() if value is not None]
+        self._joints = "commanded" in self._names or self._tank is not None
         results = ca.densify(ca.vertcat(*(named[name] for name in self._names)))
         self._taken = (*symbols, "gains")
         self._function = RowFunction(ca.Function("energy", [*symbols.values(), varied], [results]))
@@ -291,12 +306,37 @@ class _OfStage:
         contact = self._evaluated(given | {"measured": given["force"]})["power.contact"]
         signals = now | {"power.contact": contact, "power.gains": self._of_gains(given)}
         signals["energy.contact"] = self._of_surfaces(history, visit)
+        if self._tank is not None:
+            signals.pop("power.gains")
+            return self._beside_a_tank(history, visit, signals, given)
         lyapunov = self._lyapunov(signals, given, history, visit)
         if lyapunov is not None:
             signals["energy.lyapunov"] = lyapunov
         works = self._works(signals, given)
         signals.pop("commanded", None)
         return StageEnergy(visit, signals, works, self._plan.law.control_law.storage)
+
+    def _beside_a_tank(
+        self,
+        history: History,
+        visit: Visit,
+        signals: Mapping[str, Vector],
+        given: dict[str, Vector],
+    ) -> StageEnergy:
+        """The energies of a visit whose tank pays for all that is not passive."""
+        assert self._tank is not None
+        T, tank = self._period, TankCourse.of(self._tank, history, visit)
+        mean = given | {"measured": given["force"], "velocity": _mean(given["velocity"])}
+        nothing = np.zeros(len(given["q"]))
+        works = dict.fromkeys((*PORTS, *INNER), nothing) | {
+            "contact": _summed(self._evaluated(mean)["power.contact"][:-1] * T),
+            "tank": _summed(tank.power[1:] * T),
+            "dissipated": _summed(signals["power.dissipated"][1:] * T),
+        }
+        stored = signals["energy.stored"] - signals["energy.stored"][0]
+        works["rest"] = stored - works["contact"] - works["tank"] + works["dissipated"]
+        storage = "1/2 q'^T H q' + r 1/2 e^T K_m e"
+        return StageEnergy(visit, signals, works, storage, tank)
 
     def _given(self, history: History, visit: Visit) -> dict[str, Vector]:
         """(rows, size) of the visit: what the function takes, true forces and torques."""
@@ -324,13 +364,15 @@ class _OfStage:
             "torque": table([f"joint.{i}.torque" for i in joints]),
             "held": np.tile(self._held(history, visit), (len(nothing), 1)),
             "t": table(["t"]),
+            "granted": table(["tank.spring"]),
+            "filled": table(["tank.filled"]),
         }
         touching = table([f"force.{a}.measured" for a in AXES[:3]])
         touched = np.linalg.norm(touching, axis=1) > TOUCHING
         # A law with a mass of its own does not go by the joints.
         H = np.zeros((len(nothing), n * (n + 1) // 2))
         given["H"], given["gravity"] = H, np.zeros_like(given["v"])
-        if "commanded" in self._names:
+        if self._joints:
             given["H"], _, given["gravity"], *_ = self._terms(given["q"], given["v"])
         given["integral"] = self._integrals(given, touched[:, None].astype(float))
         return given
@@ -452,7 +494,7 @@ class _OfStage:
             "contact": _summed(self._evaluated(given | held)["power.contact"][:-1] * T),
             **{n: over(signals[f"power.{n}"]) for n in ("reference", "force", "integral")},
             "gains": _summed(signals["power.gains"][1:] * T),
-            **dict.fromkeys(("torques", "sampling"), np.zeros(len(given["q"]))),
+            **dict.fromkeys(("torques", "sampling", "tank"), np.zeros(len(given["q"]))),
             "dissipated": over(signals["power.dissipated"]),
         }
         works["force"] += self._displaced(given)
@@ -528,16 +570,11 @@ def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
 def gain_text(data: Mapping[str, Any]) -> str:
     """What a stage gained by itself, of its entry in a summary."""
     gained = data["gained"]
-    amount, work = (_joules(gained[key]) for key in ("energy", "work"))
+    amount, work = (joules(gained[key]) for key in ("energy", "work"))
     return (
         f"stage {data['stage']} gained {amount} by itself from {gained['start']:.3f} to "
         f"{gained['end']:.3f} s: {work} by {WORDS[gained['by']]}"
     )
-
-
-def _joules(value: float) -> str:
-    """An energy [J] in words."""
-    return f"{value:.3g} J" if abs(value) >= _JOULE else f"{1e3 * value:.3g} mJ"
 
 
 def energy_block(program: Program, history: History, true: Task) -> dict[str, Any]:

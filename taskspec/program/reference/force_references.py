@@ -8,6 +8,7 @@ import casadi as ca
 
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import value_of
+from taskspec.laws.tank import SHARE
 from taskspec.modes import DEFAULT_RAMP
 from taskspec.motion import blend
 from taskspec.program.clock import Clock
@@ -97,10 +98,14 @@ def integrals(
             continue
         missing = force - table[applied(name)]
         motion = plan.plans[name].motion
+        step = measurement.infeasible.step(name, context.period * missing)
+        if plan.law.tank is not None:
+            # What a tank refuses does not wind it up.
+            step = step * measurement.memory.once(SHARE)
         found[name] = wound(
             measurement.memory.add(f"integral.{name}"),
             force,
-            measurement.infeasible.step(name, context.period * missing),
+            step,
             value_of(gains, "force.integral", name),
             touching,
             value_of(gains, "stiffness", name) * errors[name] if motion else ca.SX(0),

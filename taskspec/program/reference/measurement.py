@@ -56,6 +56,7 @@ class Measurement:
         table: signals by name.
         infeasible: what contacts do not return of the set points.
         varying_gains: of all stages of the task, by name and entry.
+        tanks: whether any stage of the task has an energy tank.
         tracks: what its frame tracks, by its number in `tracked_frames`; 0 for nothing.
     """
 
@@ -78,6 +79,7 @@ class Measurement:
     table: SignalTable
     infeasible: InfeasibleForces
     varying_gains: tuple[tuple[str, str], ...]
+    tanks: bool
     tracks: float
 
     @property
@@ -182,6 +184,7 @@ def measure(plan: StagePlan) -> Measurement:
         table=SignalTable(situation, _constants(task, clock), elsewhere),
         infeasible=infeasible,
         varying_gains=task.varying_gains,
+        tanks=task.tanks,
         tracks=tracked_frames.NUMBERS[frame.tracking.of] if frame.tracking is not None else 0.0,
     )
 

@@ -11,9 +11,11 @@ import casadi as ca
 from taskspec.control import resolution
 from taskspec.control.command import Command
 from taskspec.deferred_methods import dataclass
+from taskspec.laws import energy
 from taskspec.laws.case import Case
 from taskspec.laws.disturbance import TORQUE, most, observe, pole
 from taskspec.laws.energy import Energy
+from taskspec.laws.tank import TankStep
 from taskspec.laws.uncertainty import Uncertainty
 from taskspec.program.events import Condition
 from taskspec.program.last_commands import last_command, last_velocity
@@ -49,6 +51,7 @@ class Commanded:
         closed_form: (n,) torque of its closed form [N m].
         torque: (n,) the same with what is left of the last stage's.
         conditions: that come with the angles in which the law is stated.
+        tank: what its tank makes of the torque; None without one.
     """
 
     references: ReferenceSet
@@ -59,6 +62,7 @@ class Commanded:
     closed_form: ca.SX
     torque: ca.SX
     conditions: list[Condition]
+    tank: TankStep | None = None
 
     @property
     def set_points(self) -> dict[str, ca.SX]:
@@ -140,6 +144,8 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
     fading = carried_torque.fading(measurement.parameters, measurement.clock, closed_form.shape[0])
     if context.drives.positions:  # It is carried as what a period adds to a position.
         fading = fading / context.period
+    commanded = closed_form + fading
+    step = None if law.tank is None else _tank_step(plan, measurement, case, commanded)
     return Commanded(
         references,
         forces,
@@ -147,8 +153,9 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         case,
         wanted,
         closed_form,
-        closed_form + fading,
+        commanded if step is None else step.torque,
         conditions,
+        step,
     )
 
 
@@ -183,18 +190,46 @@ def _observed(
     return replace(wanted, memory=memory), torque
 
 
-def energies(plan: StagePlan, case: Case) -> Mapping[str, ca.SX]:
+def _tank_step(plan: StagePlan, measurement: Measurement, case: Case, commanded: ca.SX) -> TankStep:
+    """What a stage's tank makes of the torque (n,) that its law commands."""
+    assert plan.law.tank is not None
+    step = plan.law.tank.of_law.step(
+        case,
+        commanded,
+        measurement.terms.gravity,
+        last_command(plan.context, measurement.parameters),
+        measurement.memory.once,
+        plan.law.control_law,
+    )
+    situation = measurement.table.situation
+    situation.tank = step.named()
+    situation.energies = partial(energies, plan, case, step)
+    return step
+
+
+def energies(plan: StagePlan, case: Case, step: TankStep | None = None) -> Mapping[str, ca.SX]:
     """The energies and powers of a stage's law by name; none where it states none."""
-    found = stage_energy(plan, case)
+    tank = () if step is None else (step.named()[n] for n in ("tank.spring", "tank.filled"))
+    found = stage_energy(plan, case, *tank)
     return {} if found is None else found.signals()
 
 
-def stage_energy(plan: StagePlan, case: Case) -> Energy | None:
+def stage_energy(
+    plan: StagePlan, case: Case, granted: ca.SX | None = None, filled: ca.SX | None = None
+) -> Energy | None:
     """What the law of a stage stores; None where it states no storage function.
 
     Of a law in Euler angles that turns the tool there is none: a log has no rates of these angles.
+
+    Args:
+        plan: of the stage.
+        case: its law's.
+        granted: the share that its tank grants the springs; None without a tank.
+        filled: power of the dampers, which fill it [W]; None likewise.
     """
     turns = any(axis.is_rotation for axis in case.state.axes)
     if plan.joint_path is not None or (turns and plan.law.orientation != "so3"):
         return None
+    if granted is not None and filled is not None:
+        return energy.beside_a_tank(case, granted, filled)
     return plan.law.control_law.energy(case)

@@ -11,6 +11,7 @@ import casadi as ca
 
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import AXES, Axis
+from taskspec.laws import tank
 from taskspec.laws.coupled import stretched
 from taskspec.laws.disturbance import ESTIMATE
 from taskspec.laws.gains import Gains, pairs_of, value_of
@@ -107,6 +108,7 @@ class Entering:
         self.angle, self.same = handed["angle"], handed["same"]
         self.followed, self.follows = handed["track"], handed["tracks"]
         self.disturbance = handed.get("disturbance")
+        self.tank = handed.get("tank")
         # From here on the reference's velocity is that against what carries the frame.
         self.twist, self.base = handed["twist"], self._base()
         if self.base is not None:
@@ -373,7 +375,14 @@ class Entering:
         return found[0], found[1]
 
     def _start_memory(self, going: _Continuation) -> None:
-        """The point that references move along, and integrals that hold the measured force."""
+        """The point that references move along, integrals that hold the measured force, a tank."""
+        if self.plan.law.tank is not None:
+            own, (left, stretched, had) = self.plan.law.tank, ca.vertsplit(self.tank)
+            handed = ca.fmin(left, own.energy) + stretched
+            self._remember(tank.ENERGY, ca.if_else(had, handed, own.first))
+            if tank.SHARE in self.memory:  # Of the last tick's share integrals go by alone.
+                self._remember(tank.SHARE, 1.0)
+            self._remember(tank.STATE, ca.if_else(had, tank.HANDED_ON, tank.FRESH))
         zero = ca.SX(0)
         pressed = {a: going.pressed.get(a, zero) for a in AXES}
         away = ca.vertcat(*(going.error.get(a, zero) + pressed[a] for a in AXES[:3]))

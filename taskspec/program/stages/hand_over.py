@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 
 import casadi as ca
 
 from taskspec.control.representation import Representation
+from taskspec.laws.tank import OUTPUTS as TANK
 from taskspec.program.plan import StagePlan
 from taskspec.program.ports import HANDED, fields, fields_of, slices
 from taskspec.program.reference.orientation import displaced, representation_of
@@ -34,14 +35,29 @@ def leaving(plan: StagePlan) -> ca.Function:
     )
     axes = tuple(name.row for name in plan.plans)
     angles, context = representation_of(plan.law), plan.context
-    outputs = fields_of(context.loaded.task, context.robot.n)
-    size, observed = sum(n for _, n in outputs), (0, 0)
-    if context.loaded.task.observes:
-        own = plan.law.disturbance_observer is not None
-        observed = slices(outputs)["disturbance"].start if own else size, context.robot.n
+    places = slices(fields_of(context.loaded.task, context.robot.n))
+    size, more = max(where.stop for where in places.values()), _more(plan, places)
     if plan.moving_base is None:
-        return _leaving_still(axes, forced, tracked, angles, size, observed)
-    return _leaving(axes, forced, tracked, angles, size, observed, plan.moving_base)
+        return _leaving_still(axes, forced, tracked, angles, size, more)
+    return _leaving(axes, forced, tracked, angles, size, more, plan.moving_base)
+
+
+#: Numbers that are handed on and are no output.
+_ZERO, _ONE = -1, -2
+
+
+def _more(plan: StagePlan, places: Mapping[str, slice]) -> tuple[int, ...]:
+    """Of each number after those of `HANDED` the output that it is, or which constant."""
+    task, found = plan.context.loaded.task, list[int]()
+    if task.observes:
+        own, n = plan.law.disturbance_observer is not None, plan.context.robot.n
+        first = places["disturbance"].start
+        found += range(first, first + n) if own else [_ZERO] * n
+    if task.tanks:
+        first = places["tank"].start
+        own = [first + TANK.index("energy"), first + TANK.index("stretched"), _ONE]
+        found += own if plan.law.tank is not None else [_ZERO] * len(own)
+    return tuple(found)
 
 
 def _leaving(
@@ -50,7 +66,7 @@ def _leaving(
     tracked: Sequence[int],
     angles: Representation | None,
     size: int,
-    observed: tuple[int, int],
+    more: Sequence[int],
     base: MovingBase | None = None,
 ) -> ca.Function:
     """What `leaving` gives.
@@ -60,8 +76,7 @@ def _leaving(
             point, and `tracked`, which hand on the reference of their motion.
         angles: in which the law measures orientation; None for the rotation vector.
         size: how many outputs there are.
-        observed: where they have the estimate of a disturbance, and how many numbers that is;
-            beyond the last of them where the stage has none.
+        more: outputs that are handed on as they are, after the others; see `_more`.
         base: that carries the frame.
     """
     outputs, clock = ca.SX.sym("outputs", size), ca.SX.sym("clock")
@@ -92,9 +107,9 @@ def _leaving(
         "track": at["track"],
         "tracks": at["tracks"],
     }
-    first, count = observed
-    estimate = outputs[first : first + count] if first < size else ca.SX.zeros(count)
-    found = ca.vertcat(*(values[name] for name, _ in HANDED), estimate)
+    constants = {_ZERO: ca.SX(0), _ONE: ca.SX(1)}
+    last = (constants[i] if i in constants else outputs[i] for i in more)
+    found = ca.vertcat(*(values[name] for name, _ in HANDED), *last)
     return ca.Function("leaving", [outputs, clock], [ca.densify(found)])
 
 

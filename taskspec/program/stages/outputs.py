@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
+from taskspec.laws.tank import OUTPUTS as TANK
 from taskspec.program import ports
 from taskspec.program.limits.resolution import Resolved
 from taskspec.program.ports import INTERNAL, PROBE
@@ -110,6 +111,7 @@ def outputs(
         ca.SX(0, 1) if measurement.clock.live is None else measurement.clock.live,
         _disturbance(measurement, observed),
         inputs.now[-2:] if inputs.grips else ca.SX(0, 1),
+        _tank(measurement, commanded),
     )
 
 
@@ -145,6 +147,13 @@ def _disturbance(measurement: Measurement, observed: int) -> ca.SX:
     """(observed,) torques that an observer estimates, NaN in a stage without one."""
     found = measurement.table.situation.disturbance
     return ca.SX.nan(observed) if found is None else found
+
+
+def _tank(measurement: Measurement, commanded: Commanded) -> ca.SX:
+    """The numbers of a tank, NaN in a stage without one, nothing where no stage has one."""
+    if commanded.tank is not None:
+        return commanded.tank.outputs
+    return ca.SX.nan(len(TANK) if measurement.tanks else 0, 1)
 
 
 def _reactions(measurement: Measurement) -> ca.SX:

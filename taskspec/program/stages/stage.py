@@ -131,6 +131,7 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     )
     updates = references.updates | commanded.forces.updates | measurement.algebra.updates
     updates |= commanded.command.memory
+    updates |= {} if commanded.tank is None else commanded.tank.memory
     remembered = memory.stack(updates)
     results = [
         torque,

@@ -23,6 +23,7 @@ from taskspec_runner.cli.sheet.limits import limit_rows
 from taskspec_runner.cli.sheet.protection import protection_rows
 from taskspec_runner.cli.sheet.selection import selection_rows
 from taskspec_runner.cli.sheet.servo import servo_rows
+from taskspec_runner.cli.sheet.tank import tank_rows
 from taskspec_runner.cli.sheet.terms import TermsSheet, terms_sheet
 from taskspec_runner.cli.sheet.visits import StageTrial
 from taskspec_runner.trial.trial import Trial
@@ -157,7 +158,7 @@ def stage_sheet(
         frame=stage.plan.frame.name,
         contact=_contact(program, stage),
         null_space=_null_space(program, stage),
-        kept=tuple(limit_rows(program, stage)),
+        kept=(*limit_rows(program, stage), *tank_rows(stage.plan)),
         selection=() if selected is None else selection_rows(selected),
         axes=(
             *(axis_row(program, stage, world) for world in imposed),
