@@ -100,6 +100,11 @@ class ControlLaw(ABC):
         return not (self.bare or self.damps_joints)
 
     @property
+    def compensates(self) -> bool:
+        """Whether weight and inertia of the arm's model are in its torques."""
+        return self.commands == "torque" and not self.bare
+
+    @property
     def soft_axes(self) -> bool:
         """Whether a stiffness or damping of its own makes a motion axis a soft one."""
         return self.selects and self.axis_springs

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.laws.adaptation import PARAMETERS
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.signals import SCALARS, VECTORS
 from taskspec.signals.table import REFERENCE
@@ -67,8 +68,10 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
-def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> Fields:
-    """The outputs of a task's stages; last are those of equations, joints, gains and params.
+def fields(
+    equations: int, followed: int = 0, gains: int = 0, live: int = 0, payload: int = 0
+) -> Fields:
+    """The outputs of a task's stages; last are those that not every task has.
 
     Args:
         equations: how many there are. Each has a set point, a measurement, the distance of the
@@ -76,6 +79,7 @@ def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> 
         followed: joints that follow references in a stage; 0 where none has a path of joints.
         gains: how many of any stage vary.
         live: params that may be set while a stage runs.
+        payload: numbers of one that laws adapt to.
     """
     on_equations = ("reaction_ref", "reaction", "gap_ref", "reaction_residual")
     return (
@@ -85,28 +89,36 @@ def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> 
         ("joint_ref", followed),
         *((("gain", gains),) if gains else ()),
         *((("param", live),) if live else ()),
+        *((("payload", payload),) if payload else ()),
     )
 
 
 def fields_of(task: Task, joints: int) -> Fields:
     """The outputs of the stages of a task, of an arm with some joints."""
     followed = joints if task.in_joints else 0
-    return fields(len(task.equations), followed, len(task.varying_gains), len(task.live))
+    gains, live = len(task.varying_gains), len(task.live)
+    return fields(len(task.equations), followed, gains, live, payload_size(task))
 
 
 def now_at_start(task: Task) -> NDArray[np.float64]:
     """A tick's input `now` before the first one.
 
     Stage time, run time [s], how often each stage has been entered; then the params that may be set
-    as they are declared, and their rates.
+    as they are declared, and their rates; then the payload that the controller knows of.
     """
     live = [param.value for param in task.live.values()]
-    return np.array([*np.zeros(first_live(task)), *live, *np.zeros(len(live))])
+    rest = len(live) + payload_size(task)
+    return np.array([*np.zeros(first_live(task)), *live, *np.zeros(rest)])
 
 
 def first_live(task: Task) -> int:
     """Where in `now` the params are that may be set while a stage runs."""
     return 2 + len(task.stages)
+
+
+def payload_size(task: Task) -> int:
+    """Numbers of a payload that laws adapt to, last in `now`: mass and centre; 0 without any."""
+    return 0 if task.adapt is None else len(PARAMETERS)
 
 
 #: Inputs of a stage when it is entered, in this order: name and length.

@@ -12,7 +12,7 @@ from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.signals import entry_of
 from taskspec.rules import Finding, Phase, error, rule
-from taskspec.signals import ENERGY, VECTORS, Index
+from taskspec.signals import ENERGY, PAYLOAD, VECTORS, Index
 from taskspec.signals.table import REFERENCE
 
 
@@ -111,6 +111,9 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
         return _no_single(stage, path[0])
     if path[0] == Index.GAIN or ".".join(path) in ENERGY:
         return _not_of_law(stage, path)
+    if ".".join(path) in PAYLOAD:
+        none = stage.context.loaded.task.adapt is None
+        return "no law adapts to a payload: law: {adapt: payload}" if none else None
     if path[0] == "joint" and int(path[1]) > robot.n:
         return f"{robot.name!r} has {robot.n} joints"
     if path[0] in stage.context.equations and path[1] == "residual":

@@ -84,6 +84,7 @@ class Situation:
         limited: whether a limit changed the torque of the tick before.
         force_inconsistent: what contacts cannot return of the force set points [N].
         joint_error: of the joint that is farthest from its reference [rad, m].
+        payload: (4,) mass [kg] and centre [m] of one that laws adapt to; empty without any.
         energies: gives the energies and powers of the stage's law by name; empty where it states
             none.
         known: signals by full name that are given instead of evaluated, and those evaluated so far.
@@ -110,6 +111,7 @@ class Situation:
     limited: ca.SX = UNKNOWN
     force_inconsistent: ca.SX = UNKNOWN
     joint_error: ca.SX = UNKNOWN
+    payload: ca.SX = UNKNOWN
     energies: Callable[[], Mapping[str, ca.SX]] = dict
     known: dict[str, ca.SX] = field(default_factory=dict)
 

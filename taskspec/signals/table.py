@@ -16,7 +16,8 @@ from taskspec.text.units import NUMBER, Dimension
 class Index(StrEnum):
     """What the members of an entry differ by: an axis, a joint, an object of the world, a stage.
 
-    Those of a gain differ by the entry of its matrix. A single signal has one member, and so have a
+    Those of a gain differ by the entry of its matrix; energies and those of a payload have their
+    whole names. A single signal has one member, and so have a
     clock and a figure of the link to a plant that is elsewhere.
     """
 
@@ -29,6 +30,7 @@ class Index(StrEnum):
     LINK = "link"
     GAIN = "gain"
     ENERGY = "energy"
+    PAYLOAD = "payload"
 
 
 #: What may differ from the truth: the wrench, which is zero while nothing is touched; objects.
@@ -142,6 +144,8 @@ LINK: dict[str, Signal] = {}
 GAIN: dict[str, Signal] = {}
 #: Energies and powers of a law, by their whole name.
 ENERGY: dict[str, Signal] = {}
+#: Of a payload that laws adapt to, by their whole name, in the order of the log.
+PAYLOAD: dict[str, Signal] = {}
 #: Of an object, by its kind and what follows the object's name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
@@ -154,6 +158,7 @@ _TABLES = {
     Index.LINK: LINK,
     Index.GAIN: GAIN,
     Index.ENERGY: ENERGY,
+    Index.PAYLOAD: PAYLOAD,
 }
 
 
@@ -247,5 +252,7 @@ def find(
             return Entry(LINK[name], "", LINK[name].dimension)
         case (_, _) if (name := ".".join(path)) in ENERGY:
             return Entry(ENERGY[name], "", ENERGY[name].dimension)
+        case (_, _) if (name := ".".join(path)) in PAYLOAD:
+            return Entry(PAYLOAD[name], "", PAYLOAD[name].dimension)
         case _:
             return None

@@ -8,6 +8,7 @@ from taskspec.spec.expectation import Expectation
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import AxisValues
 from taskspec.spec.key_path import FILE, KeyPath, below, key_of
+from taskspec.spec.adapt import Adapt
 from taskspec.spec.law import JOINT_LAWS, ForceGains, Law, joint_law
 from taskspec.spec.limits import Limits
 from taskspec.spec.load import (
@@ -38,6 +39,7 @@ __all__ = [
     "Control",
     "EquationObject",
     "Expectation",
+    "Adapt",
     "ForceGains",
     "Frame",
     "Hinge",

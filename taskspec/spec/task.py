@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from taskspec.laws import DEFAULTS
+from taskspec.spec.adapt import Adapt
 from taskspec.spec.bushing import Bushing
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject
@@ -179,6 +180,12 @@ class Task(Model):
         """The gains that vary in any of its stages, by name and entry, in the order of the log."""
         laws = [self.law, *(stage.law for stage in self.stages.values() if stage.law is not None)]
         return tuple(dict.fromkeys(each for law in laws for each in law.varying))
+
+    @property
+    def adapt(self) -> Adapt | None:
+        """What its laws adapt to, which is one for all stages; None for nothing."""
+        laws = (stage.law or self.law for stage in self.stages.values())
+        return next((law.adapt for law in laws if law.adapt is not None), None)
 
     def dimensions_of(self, path: str) -> tuple[Dimension, ...]:
         """The dimension of each component of a value that can vary, by its path under `vary`."""

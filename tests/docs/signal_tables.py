@@ -26,7 +26,7 @@ _NAMES = {
 def signal_rows() -> Iterator[list[str]]:
     """Rows of signals that belong to no object."""
     tables = (signals.VECTORS, signals.SCALARS, signals.CLOCKS, signals.JOINT, signals.STAGE)
-    tables = (*tables, signals.LINK, signals.GAIN, signals.ENERGY)
+    tables = (*tables, signals.LINK, signals.GAIN, signals.ENERGY, signals.PAYLOAD)
     for signal in (signal for table in tables for signal in table.values()):
         members: dict[str, list[str]] = {}
         for key in signal.dimensions:

@@ -16,7 +16,7 @@ from taskspec.program import ports
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
-from taskspec.signals import GAIN, JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
+from taskspec.signals import GAIN, JOINT, LINK, OBJECT, PAYLOAD, SCALARS, VECTORS, Index
 from taskspec.signals.table import MEASURED, REFERENCE
 from taskspec.spec import Task
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
@@ -254,6 +254,9 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
         yield Column("residual", "", "residual")
     yield from _of_gains(task, axes)
     yield from _of_params(task)
+    if task.adapt is not None:
+        for i, (name, signal) in enumerate(PAYLOAD.items()):
+            yield Column(name, si_unit(signal.dimension), "payload", i)
     yield from _of_joints(robot, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():

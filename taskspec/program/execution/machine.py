@@ -23,7 +23,8 @@ from taskspec.program.execution.exits import (
 )
 from taskspec.program.execution.fade_out import FadeOut, unanswered
 from taskspec.program.execution.live_params import LiveParams
-from taskspec.program.execution.sensor_zero import SensorZero
+from taskspec.program.execution.payload_estimate import PayloadEstimate, adaptation
+from taskspec.program.execution.sensor_zero import sensor_zero
 from taskspec.program.execution.stage_runner import StageRunner
 from taskspec.program.execution.stage_solver import (
     OwnSolver,
@@ -38,6 +39,7 @@ from taskspec.program.ports import (
     fields_of,
     first_live,
     now_at_start,
+    payload_size,
     slices,
 )
 from taskspec.program.reference.axis_plan import not_finite
@@ -46,6 +48,7 @@ from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.estimated_frames import Estimates
 from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import ModelTerms
+from taskspec.spec import Task
 
 Vector = NDArray[np.float64]
 #: q, v, wrench, reactions, torque and outputs of a machine.
@@ -87,6 +90,7 @@ class Machine:
         reactions: (equations,) measured, what the robot applies along each equation's unit
             gradient [N, N m]; those on the tip are computed from the wrench instead.
         sensor: makes the wrench from readings; None where the wrench is written itself.
+        payload: that laws adapt to; None where none does.
         period: of control [s].
         runners: of the stages, in their order; `runner` is that of the current one.
         terms: the model terms.
@@ -122,13 +126,11 @@ class Machine:
         stages: tuple[CompiledStage, ...],
         period: float,
         views: Views,
-        sensor: SensorZero | None = None,
         estimates: Estimates | None = None,
         terms: type[ModelTerms] = CompiledTerms,
         own: OwnSolver = no_own_solver,
     ) -> None:
         self.period = period
-        self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self.terms = terms(robot, self.q, self.v)
         self.drives = stages[0].plan.context.drives
@@ -137,6 +139,9 @@ class Machine:
         self.now = now_at_start(task)
         self.live = LiveParams(task.live, self.now, first_live(task))
         self._moves = bool(self.live)
+        self.payload = payload_estimate(self, task, robot)
+        self.sensor = sensor_zero(task, task.robot.sensor, robot, self.payload)
+        self.estimation = Estimation(self.sensor, estimates)
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.handed = np.zeros(hand_over.SIZE)
         self.applied, self.earlier, self.last = np.zeros((3, len(self.torque)))
@@ -186,6 +191,8 @@ class Machine:
         self._fading.reset()
         if self.sensor is not None:
             self.sensor.renew()
+        if self.payload is not None:
+            self.payload.renew()
         for counted in (self.counts.tries, self.counts.rounds):
             np.asarray(counted)[:] = 0
         for runner in self.runners:
@@ -249,6 +256,8 @@ class Machine:
         self.terms.update()
         if self.sensor is not None:
             self.sensor.correct(self.terms.tip()[1], self.wrench)
+        if self.payload is not None:
+            self.payload.carry()
 
     def tick(self, clock: float) -> float:
         """One control period at run time `clock` [s].
@@ -257,9 +266,7 @@ class Machine:
             0.0 while the current stage goes on; otherwise the event's number has been dealt with:
             the machine has moved to another stage (and computed its first torque) or has ended.
         """
-        self.terms.update()
-        if self.sensor is not None:
-            self.sensor.correct(self.terms.tip()[1], self.wrench)
+        self.update_terms()
         now, outputs, runner = self._now, self._outputs, self.runner
         self._applied[:] = self._torque
         ticks = self.stage_ticks
@@ -285,11 +292,17 @@ class Machine:
         if event and (ticks > 1 or self._is_limit(event)):
             self._change(clock)
         else:
-            runner.commit()
-            if self.estimation.on:
-                self.estimation.collect(self.wrench)
+            self._commit(runner)
             self.earlier[:] = self.applied
         return event
+
+    def _commit(self, runner: StageRunner) -> None:
+        """Makes the tick of a stage one that happened."""
+        runner.commit()
+        if self.estimation.on:
+            self.estimation.collect(self.wrench)
+        if self.payload is not None:
+            self.payload.commit(adapts=runner.stage.plan.adapts)
 
     def look(self, clock: float) -> None:
         """Measures at run time `clock` [s] as the current stage does, which commands nothing.
@@ -341,6 +354,8 @@ class Machine:
         not committed: the tick did not happen. Returns the number of an event.
         """
         assert runner.solver is not None
+        if self.payload is not None:
+            self.payload.forget()
         if self.drives.positions:
             wanted = self._fading.slow(self.applied, self.earlier)
         else:
@@ -427,9 +442,7 @@ class Machine:
             self._change(clock)
             return
         if fresh:
-            after.commit()
-            if self.estimation.on:
-                self.estimation.collect(self.wrench)
+            self._commit(after)
         self.earlier[:] = self.applied
 
     def _end(self, clock: float, event: events.Event, value: float, to: str) -> None:
@@ -478,3 +491,18 @@ class Machine:
         context = self.stage.plan.context
         named = slices(fields_of(context.loaded.task, context.robot.n))
         return {name: self.outputs[where] for name, where in named.items()}
+
+
+def payload_estimate(machine: Machine, task: Task, robot: RobotModel) -> PayloadEstimate | None:
+    """The estimate of the payload that laws of a task adapt to; None where none does."""
+    adapted = adaptation(task, machine.period)
+    if adapted is None:
+        return None
+    return PayloadEstimate(
+        adapted,
+        robot,
+        machine.terms,
+        (machine.v, machine.wrench, machine.torque),
+        machine.now[len(machine.now) - payload_size(task) :],
+        touches=task.robot.sensor.at == "contact",
+    )

@@ -35,7 +35,7 @@ from taskspec.program.reference.paths import by_phase, joint_path, path_shape
 from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
-from taskspec.spec import JOINT_LAWS, Law, Limits, Stage, joint_law
+from taskspec.spec import JOINT_LAWS, Adapt, Law, Limits, Stage, joint_law
 
 Vector = NDArray[np.float64]
 
@@ -116,6 +116,30 @@ class StagePlan:
         if self.spec.law is None and not active_equations(law, self.spec, self.context.equations):
             return joint_law(self.context.drives.commands, law.solve)
         return law.model_copy(update={"orientation": "so3"})  # No axis turns by its angles.
+
+    @cached_property
+    def adapt(self) -> Adapt | None:
+        """What its law adapts to, on a path of joints the file's; None for nothing."""
+        return (self.spec.law or self.context.loaded.task.law).adapt
+
+    @cached_property
+    def adapts(self) -> bool:
+        """Whether an estimate changes in it.
+
+        A sensor at the wrist takes a payload and a contact for one: by it, a stage adapts that is
+        to touch nothing.
+        """
+        return self.adapt is not None and not self.confuses_payload
+
+    @property
+    def confuses_payload(self) -> bool:
+        """Whether forces that its sensor measures are those of a payload and of contacts alike."""
+        context, robot = self.context, self.context.loaded.task.robot
+        if robot.sensor.at == "contact":
+            return False
+        attached = robot.grasp is not None or context.bushings or context.equations
+        meets = any(plan.force or plan.yields for plan in self.plans.values())
+        return bool(attached) or meets or self.spec.ends_in_contact
 
     @cached_property
     def limits(self) -> Limits:

@@ -135,6 +135,7 @@ def measure(plan: StagePlan) -> Measurement:
     situation.q, situation.v = inputs.q, inputs.v
     situation.contact = plan.contacts.of_gap
     situation.visits = {stage: inputs.now[2 + i] for i, stage in enumerate(task.stages)}
+    situation.payload = inputs.now[len(ports.now_at_start(task)) - ports.payload_size(task) :]
     kinds = {name: thing.kind for name, thing in task.world.items()}
     situation.objects = {
         **{name: ObjectState(kind) for name, kind in kinds.items()},
@@ -205,7 +206,8 @@ def _clock(task: Task, inputs: ports.Inputs) -> Clock:
     if not live:
         return Clock(t, clock)
     first = ports.first_live(task)
-    return Clock(t, clock, inputs.now[first : first + live], inputs.now[first + live :])
+    values, rates = slice(first, first + live), slice(first + live, first + 2 * live)
+    return Clock(t, clock, inputs.now[values], inputs.now[rates])
 
 
 def _constants(task: Task, clock: Clock) -> dict[str, ca.SX]:
