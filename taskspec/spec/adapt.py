@@ -51,7 +51,7 @@ class PayloadAdaptation(Model):
         0.5, title="Bandwidth of the estimate"
     )
     dead_zone: Annotated[float, Constant(FORCE, least=0)] = Field(
-        0.2, title="Dead zone of the force"
+        0.1, title="Dead zone of the force"
     )
 
 

@@ -19,6 +19,7 @@ from taskspec.motion.joint_path import JointPath
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
+from taskspec.program.flow import leading_to
 from taskspec.program.kept_forces import with_kept_forces
 from taskspec.program.known_value import KnownValues
 from taskspec.program.plan.contacts import StageContacts
@@ -133,13 +134,19 @@ class StagePlan:
 
     @property
     def confuses_payload(self) -> bool:
-        """Whether forces that its sensor measures are those of a payload and of contacts alike."""
-        context, robot = self.context, self.context.loaded.task.robot
-        if robot.sensor.at == "contact":
+        """Whether forces that its sensor measures may be those of a payload and of contacts alike.
+
+        So it is of a sensor at the wrist in a stage in the frame of an object, one that has a force
+        or ends by one, one that follows such a stage, and where the tool is attached to something.
+        """
+        context, task = self.context, self.context.loaded.task
+        if task.robot.sensor.at == "contact":
             return False
-        attached = robot.grasp is not None or context.bushings or context.equations
-        meets = any(plan.force or plan.yields for plan in self.plans.values())
-        return bool(attached) or meets or self.spec.ends_in_contact
+        attached = task.robot.grasp is not None or context.bushings or context.equations
+        about = self.spec.contact is not None or self.contacts.surface is not None
+        before = (task.stages[name] for name in leading_to(task.stages, self.name))
+        ends = self.spec.ends_in_contact or any(stage.ends_in_contact for stage in before)
+        return bool(attached or about or ends)
 
     @cached_property
     def limits(self) -> Limits:
