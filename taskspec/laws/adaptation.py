@@ -44,6 +44,7 @@ with the dead zone z and the filter's corner at F w: its start costs 1.5 / (F w)
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -109,6 +110,10 @@ class Adaptation:
     def start(self) -> tuple[float, ...]:
         """The estimate that a run begins with: as light as may be, at the tip."""
         return (self.low, 0.0, 0.0, 0.0)
+
+    def but(self, w: float) -> Adaptation:
+        """The same with another w [rad/s]."""
+        return replace(self, w=w)
 
     # The model
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
+from pydantic_core import PydanticCustomError
 
-from taskspec.spec.model import Model, complete
+from taskspec.spec.model import REPORTED, Model, complete
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import Constant, QuantityInterval
 from taskspec.text.codes import register
@@ -91,7 +92,7 @@ class Adapt(Model):
         if data not in KINDS:
             hint = suggestion(str(data), KINDS, "it adapts to")
             context.error("TS138", f"nothing adapts to {str(data)!r}", span_of(data), hint)
-            return data
+            raise PydanticCustomError(REPORTED, "reported")
         node = data.node
         assert isinstance(node, Scalar)
         empty = Map()
