@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from taskspec.program.execution.payload_estimate import adaptation
 from taskspec.program.plan import TaskPlan
 from taskspec.program.sensor import SensorModel
-from taskspec.rules import Finding, Phase, error, rule
+from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.rules.places import adaptation_of
 from taskspec.spec import FILE
 from taskspec.text.units import FREQUENCY, scaled
@@ -71,7 +71,7 @@ def too_fast(task: TaskPlan) -> Iterator[Finding]:
     slow = next((w for w in parts if not grows(w)), 0.0)
     bandwidth = declared.adapt.to.bandwidth
     lag = model.lag(period) if late else period
-    yield error(
+    yield warning(
         "TS513",
         f"an estimate of {scaled(bandwidth, FREQUENCY, 3)} grows from tick to tick on a stiff "
         f"contact, whose force the controller gets {1e3 * lag:.3g} ms late",

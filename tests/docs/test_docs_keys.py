@@ -20,6 +20,7 @@ from taskspec.spec.frame import Frame
 from taskspec.spec.gains import GainField
 from taskspec.spec.joint_expressions import JointExpressions
 from taskspec.spec.joint_targets import JointTargets
+from taskspec.spec.adapt import Adapt, PayloadAdaptation
 from taskspec.spec.law import ForceGains
 from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import (
@@ -87,6 +88,8 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "path": (Path,),
     "law": (Law,),
     "law.force": (ForceGains,),
+    "law.adapt": (Adapt,),
+    "law.adapt.payload": (PayloadAdaptation,),
     "limits": (Limits,),
     "control": (Control,),
     "payload": (Payload,),

@@ -203,3 +203,37 @@ def test_a_delayed_integral_is_unstable_where_the_theory_has_it():
         assert 1 <= first / edge < 1.45
     assert adaptation(w=2 * np.pi * 100).growth(0, 0.0) < 1
     assert FILTER == 5.0
+
+
+#: Falls on a table that hardly gives way, with a sensor of 20 ms, and stays there.
+LATE = """\
+taskspec: 1
+name: late
+control: {{plant_rate: 10 kHz}}
+robot:
+  model: ur5e
+  tool: {{shape: sphere, radius: 10 mm, length: 120 mm, mass: 300 g}}
+  start: {{xyz: [450 mm, 0, 300.2 mm]}}
+  sensor: {{delay: 20 ms}}
+world: {{table: {{shape: plane, xyz: [0, 0, 300 mm], stiffness: 1000 kN/m, damping: 3 kN*s/m}}}}
+law: {{kind: pd, adapt: {{payload: {{bandwidth: {bandwidth} Hz, dead_zone: 0 N}}}}}}
+stages:
+  press: {{axes: {{z: {{move: -20 mm}}}}, time: 1200 ms}}
+truth: {{robot.payload: 300 g}}
+"""
+
+
+@pytest.mark.parametrize("bandwidth", [10, 16])
+def test_on_a_stiff_contact_a_late_force_has_the_estimate_swing_as_predicted(simulate, bandwidth):
+    """On either side of TS513: it dies away at the predicted rate, or goes from bound to bound."""
+    made = simulate(LATE.format(bandwidth=bandwidth))
+    mass = made["payload.mass"]
+    growth = adaptation(w=2 * np.pi * bandwidth).growth(20, 0.0)
+    assert (growth >= 1) == (bandwidth > 14)
+    spans = [np.ptp(mass[first : first + 200]) for first in range(600, 1200, 200)]
+    if growth >= 1:
+        assert min(spans) > 0.3
+    else:
+        # The table gives way by a little: its rate is that of one which does not, to 10 %.
+        rate = np.log(spans[0] / spans[-1]) / 400
+        assert rate == pytest.approx(-np.log(growth), rel=0.1)

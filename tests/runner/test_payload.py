@@ -46,8 +46,10 @@ def text(sensor="{at: contact}", law="hybrid"):
     return TEXT.replace("SENSOR", sensor).replace("LAW", law)
 
 
-def logged(program, path, loop):
+def logged(program, folder, loop):
     """The bytes that a loop writes, and which one it was."""
+    folder.mkdir()
+    path = folder / "log.arrow"
     parts = assemble(program)
     with closing(parts.recorder(Log(path))) as recorder:
         outcome = fixed_step.run(
@@ -65,9 +67,9 @@ def logged(program, path, loop):
 @pytest.mark.parametrize("sensor", ["{at: contact}", WRIST])
 def test_every_loop_writes_the_same(tmp_path, sensor):
     program = compile_unchecked(load_text(text(sensor), "load.yaml"))
-    python, _ = logged(program, tmp_path / "python.arrow", "python")
+    python, _ = logged(program, tmp_path / "python", "python")
     for loop in ("native", "interpreted"):
-        found, tier = logged(program, tmp_path / f"{loop}.arrow", loop)
+        found, tier = logged(program, tmp_path / loop, loop)
         assert tier in ("native", "interpreted")
         assert found == python
     assert b"payload.mass" in python
@@ -100,19 +102,35 @@ def test_a_stage_without_the_key_keeps_the_estimate_and_the_next_goes_on(simulat
     assert mass[again][-1] > value
 
 
+ZERO = """\
+taskspec: 1
+name: zero
+robot:
+  model: panda
+  tool: {shape: sphere, radius: 10 mm, length: 120 mm, mass: 300 g}
+  sensor: {at: wrist, bias: [1 N, 0, 0, 0, 0, 0]}
+law: {kind: pd, adapt: {payload: {bandwidth: 2 Hz}}}
+stages:
+  zero: {time: 700 ms, tare: true}
+  lean: {axes: {ry: {move: 20 deg, speed: 40 deg/s}}}
+  still: {time: 200 ms}
+truth: {robot.payload: 300 g}
+"""
+
+
 def test_a_zero_that_was_taken_before_the_payload_was_known_is_put_right(simulate):
-    """Turned by up to 20 deg with the payload known, the wrist reads nothing but that."""
-    made = simulate(
-        text("{at: wrist, bias: [1 N, 0, 0, 0, 0, 0]}", "pd")
-        .replace("hang: {time: 60 ms", "hang: {time: 1.2 s")
-        .replace("time: 60 ms}\n  still", "time: 200 ms}\n  still")
-    )
-    turned = made.history.window("still")
-    read = np.column_stack([made[f"force.{axis}.measured"][turned] for axis in "xyz"])
-    # Half a second ago the zero was taken with an estimate of nothing, 2.9 N short; what the
-    # estimate lacks after 1.2 s, e^-14 and 10 g of the dead zone, and the arm's swing are left.
-    assert len(read) == 20
-    assert np.max(np.abs(read)) < 0.6
+    """Leant by 20 deg the wrist reads nothing; by the plain law m g 2 sin(10 deg)."""
+    read = {}
+    for law in ("{kind: pd, adapt: {payload: {bandwidth: 2 Hz}}}", "pd"):
+        made = simulate(ZERO.replace("{kind: pd, adapt: {payload: {bandwidth: 2 Hz}}}", law))
+        ticks = np.flatnonzero(made.history.window("still"))[100:]
+        assert len(ticks) == 100
+        forces = [made[f"force.{axis}.measured"][ticks].mean() for axis in "xyz"]
+        read[law] = float(np.linalg.norm(forces))
+    known, plain = read.values()
+    assert plain == pytest.approx(0.3 * 9.81 * 2 * np.sin(np.deg2rad(10)), rel=0.05)
+    # The dead zone leaves 10 g of the mass, and what it leaves of the centre is no force.
+    assert known < 0.1 * 2 * np.sin(np.deg2rad(10)) + 0.02
 
 
 @pytest.fixture(scope="module")
@@ -155,6 +173,7 @@ def test_a_tool_that_only_hangs_does_not_show_the_centre_along_gravity(tmp_path)
     hung = hung.replace(", tare: true", "").replace("60 ms", "400 ms")
     made = run(load_text(hung, "hung.yaml"), out=tmp_path / "hung", report=False)
     data = made.summary["payload"]
-    assert data["least_eigenvalue"] < 0.01
+    # Not quite zero: as the payload pulls at it, the arm swings.
+    assert data["least_eigenvalue"] < 0.05
     (line,) = sentences(made.summary)
     assert "this run does not show its centre along " in line
