@@ -45,7 +45,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,9 +53,6 @@ from numpy.typing import NDArray
 from taskspec.control import linear
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
-
-if TYPE_CHECKING:
-    from taskspec.robot.model_terms import TermSymbols
 
 Matrix = NDArray[np.float64]
 
@@ -71,7 +68,39 @@ _DAMPED = 1e-4
 _LIGHT = 1e-3
 
 
-class Model(NamedTuple):
+class ArmTerms(Protocol):
+    """The model terms of an arm, as `robot.model_terms.TermSymbols` has them."""
+
+    @property
+    def H(self) -> ca.SX:
+        """(n, n) joint inertia."""
+
+    @property
+    def bias(self) -> ca.SX:
+        """(n,) C q' + g."""
+
+    @property
+    def gravity(self) -> ca.SX:
+        """(n,) g."""
+
+    @property
+    def R(self) -> ca.SX:
+        """(3, 3) axes of the tip in the world."""
+
+    @property
+    def J(self) -> ca.SX:
+        """(6, n) Jacobian of the tip, world axes."""
+
+    @property
+    def drift(self) -> ca.SX:
+        """(6,) J' q'."""
+
+    @property
+    def twist(self) -> ca.SX:
+        """(6,) J q'."""
+
+
+class PointLoad(NamedTuple):
     """A payload as a point: its mass [kg], and its place in the tool's axes (3,) [m]."""
 
     mass: ca.SX
@@ -117,12 +146,12 @@ class Adaptation:
 
     # The model
 
-    def model(self, theta: ca.SX) -> Model:
+    def model(self, theta: ca.SX) -> PointLoad:
         """The payload that base parameters (4,) stand for, its centre within reach."""
         centre = theta[1:] / ca.fmax(theta[0], _LIGHT)
-        return Model(theta[0], ca.fmin(ca.fmax(centre, -self.reach), self.reach))
+        return PointLoad(theta[0], ca.fmin(ca.fmax(centre, -self.reach), self.reach))
 
-    def carried(self, terms: TermSymbols, load: Model) -> tuple[ca.SX, ca.SX, ca.SX]:
+    def carried(self, terms: ArmTerms, load: PointLoad) -> tuple[ca.SX, ca.SX, ca.SX]:
         """H (n, n), C q' + g (n,) and g (n,) of an arm that carries a point.
 
         With J_c, J_c' q' of its centre: H + m J_c^T J_c, C q' + g + m J_c^T (J_c' q' - g_0) and
@@ -140,15 +169,15 @@ class Adaptation:
         return terms.H + turned @ J, bias, terms.gravity + weight
 
     @staticmethod
-    def weight(load: Model, down: ca.SX) -> ca.SX:
-        """(6,) of the payload about the tip, by gravity `down` (3,), in the tool's axes [N, N m]."""
+    def weight(load: PointLoad, down: ca.SX) -> ca.SX:
+        """(6,) of the payload about the tip under gravity `down` (3,), in the tool's axes."""
         force = load.mass * down
         return ca.vertcat(force, ca.cross(load.centre, force))
 
     # The estimate
 
     def regression(
-        self, terms: TermSymbols, rows: list[int], acceleration: ca.SX, torque: ca.SX, wrench: ca.SX
+        self, terms: ArmTerms, rows: list[int], acceleration: ca.SX, torque: ca.SX, wrench: ca.SX
     ) -> tuple[ca.SX, ca.SX]:
         """y (k,), A (k, 4) of the k axes that the arm moves.
 

@@ -109,11 +109,8 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
             return elsewhere
     if len(path) == 1:
         return _no_single(stage, path[0])
-    if path[0] == Index.GAIN or ".".join(path) in ENERGY:
+    if path[0] == Index.GAIN or ".".join(path) in {*ENERGY, *PAYLOAD}:
         return _not_of_law(stage, path)
-    if ".".join(path) in PAYLOAD:
-        none = stage.context.loaded.task.adapt is None
-        return "no law adapts to a payload: law: {adapt: payload}" if none else None
     if path[0] == "joint" and int(path[1]) > robot.n:
         return f"{robot.name!r} has {robot.n} joints"
     if path[0] in stage.context.equations and path[1] == "residual":
@@ -171,7 +168,10 @@ def _no_single(stage: StagePlan, name: str) -> str | None:
 
 
 def _not_of_law(stage: StagePlan, path: tuple[str, ...]) -> str | None:
-    """Why the law of a stage has no such gain or energy, None if it has."""
+    """Why the law of a stage has no such gain, energy or payload, None if it has."""
+    if ".".join(path) in PAYLOAD:
+        none = stage.context.loaded.task.adapt is None
+        return "no law adapts to a payload: law: {adapt: payload}" if none else None
     if ".".join(path) in ENERGY:
         return _no_energy(stage, ".".join(path))
     name, on = ".".join(path[1:-1]), path[-1]

@@ -1,5 +1,6 @@
 """What a task file may say: one model per noun, and the steps from text to a checked task."""
 
+from taskspec.spec.adapt import Adapt
 from taskspec.spec.axis import AxisEntry
 from taskspec.spec.bushing import Bushing
 from taskspec.spec.control import Control
@@ -8,7 +9,6 @@ from taskspec.spec.expectation import Expectation
 from taskspec.spec.frame import Frame
 from taskspec.spec.gains import AxisValues
 from taskspec.spec.key_path import FILE, KeyPath, below, key_of
-from taskspec.spec.adapt import Adapt
 from taskspec.spec.law import JOINT_LAWS, ForceGains, Law, joint_law
 from taskspec.spec.limits import Limits
 from taskspec.spec.load import (
@@ -32,6 +32,7 @@ from taskspec.spec.world import Motion, Shape
 __all__ = [
     "FILE",
     "JOINT_LAWS",
+    "Adapt",
     "AxisEntry",
     "AxisValues",
     "Bushing",
@@ -39,7 +40,6 @@ __all__ = [
     "Control",
     "EquationObject",
     "Expectation",
-    "Adapt",
     "ForceGains",
     "Frame",
     "Hinge",

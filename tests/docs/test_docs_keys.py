@@ -10,6 +10,7 @@ from documents import LANGUAGE, first_words, models_of, table, units_written, va
 from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.spec import Law, Robot, Task
+from taskspec.spec.adapt import Adapt, PayloadAdaptation
 from taskspec.spec.axis import Rotation, Translation
 from taskspec.spec.bushing import Bushing, SixBySix
 from taskspec.spec.control import Control
@@ -20,7 +21,6 @@ from taskspec.spec.frame import Frame
 from taskspec.spec.gains import GainField
 from taskspec.spec.joint_expressions import JointExpressions
 from taskspec.spec.joint_targets import JointTargets
-from taskspec.spec.adapt import Adapt, PayloadAdaptation
 from taskspec.spec.law import ForceGains
 from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import (
@@ -47,6 +47,7 @@ from taskspec.spec.quantities import (
     ForJoints,
     Formula,
     IntervalAroundZero,
+    QuantityInterval,
     QuantityList,
 )
 from taskspec.spec.reward import Reward
@@ -107,6 +108,7 @@ def kinds(annotation: object) -> Iterator[object]:
             Constant
             | Entries
             | EitherQuantity
+            | QuantityInterval
             | QuantityList
             | JointTargets
             | JointExpressions
@@ -147,7 +149,7 @@ def units_needed(model: type[Model], key: str) -> set[object]:
             found.update({kind.dimension, kind.other})
         elif isinstance(kind, QuantityList):
             found.update({kind.dimension, kind.other} - {None})
-        elif isinstance(kind, Constant | ForJoints | IntervalAroundZero):
+        elif isinstance(kind, Constant | ForJoints | IntervalAroundZero | QuantityInterval):
             found.add(kind.dimension)
         elif isinstance(kind, Entries):
             found.update(kind.dimensions)

@@ -169,9 +169,7 @@ def test_inertia_joins_under_payload_and_not_under_gravity():
         mass, centre = 0.7, np.array([0.03, -0.02, 0.05])
         estimate.memory[:KEPT] = [mass, *(mass * centre)]
         if not moves:
-            machine = compile_unchecked(
-                load_text(text("hybrid", "gravity"), "load.yaml")
-            ).machine()
+            machine = compile_unchecked(load_text(text("hybrid", "gravity"), "load.yaml")).machine()
             machine.q[:], machine.v[:] = q, v
             machine.payload.memory[:KEPT] = [mass, *(mass * centre)]
         machine.update_terms()

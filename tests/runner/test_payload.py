@@ -111,19 +111,21 @@ robot:
   sensor: {at: wrist, bias: [1 N, 0, 0, 0, 0, 0]}
 law: {kind: pd, adapt: {payload: {bandwidth: 2 Hz}}}
 stages:
-  zero: {time: 700 ms, tare: true}
+  settle: {law: pd, time: 600 ms}
+  zero: {law: pd, time: 200 ms, tare: true}
+  learn: {time: 600 ms}
   lean: {axes: {ry: {move: 20 deg, speed: 40 deg/s}}}
-  still: {time: 200 ms}
+  still: {time: 500 ms}
 truth: {robot.payload: 300 g}
 """
 
 
 def test_a_zero_that_was_taken_before_the_payload_was_known_is_put_right(simulate):
-    """Leant by 20 deg the wrist reads nothing; by the plain law m g 2 sin(10 deg)."""
+    """Leant by 20 deg the wrist reads nothing; under the plain law m g 2 sin(10 deg)."""
     read = {}
     for law in ("{kind: pd, adapt: {payload: {bandwidth: 2 Hz}}}", "pd"):
         made = simulate(ZERO.replace("{kind: pd, adapt: {payload: {bandwidth: 2 Hz}}}", law))
-        ticks = np.flatnonzero(made.history.window("still"))[100:]
+        ticks = np.flatnonzero(made.history.window("still"))[400:]
         assert len(ticks) == 100
         forces = [made[f"force.{axis}.measured"][ticks].mean() for axis in "xyz"]
         read[law] = float(np.linalg.norm(forces))

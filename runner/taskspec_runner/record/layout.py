@@ -249,14 +249,11 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
     for name, signal in SCALARS.items():
         field = f"{TRUE}{name}" if spoiled and name in _OF_MOTION else name
         yield Column(name, si_unit(signal.dimension), field if signal.port else "")
-    if any(stage.resolution is not None for stage in stages):
-        yield Column("limits", "", "limits")
-        yield Column("residual", "", "residual")
+    solved = any(stage.resolution is not None for stage in stages)
+    yield from (Column(name, "", name) for name in ("limits", "residual") if solved)
     yield from _of_gains(task, axes)
     yield from _of_params(task)
-    if task.adapt is not None:
-        for i, (name, signal) in enumerate(PAYLOAD.items()):
-            yield Column(name, si_unit(signal.dimension), "payload", i)
+    yield from _of_payload(task)
     yield from _of_joints(robot, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
@@ -289,6 +286,12 @@ def _of_params(task: Task) -> Iterator[Column]:
     """The columns of the params that may be set while a stage runs."""
     for i, (name, param) in enumerate(task.live.items()):
         yield Column(param_column(name), si_unit(param.dimension), "param", i)
+
+
+def _of_payload(task: Task) -> Iterator[Column]:
+    """The columns of a payload that laws adapt to."""
+    for i, (name, signal) in enumerate(PAYLOAD.items() if task.adapt is not None else ()):
+        yield Column(name, si_unit(signal.dimension), "payload", i)
 
 
 def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:

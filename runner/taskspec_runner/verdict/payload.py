@@ -97,7 +97,7 @@ def _gramian(program: Program, history: History) -> tuple[Vector, float] | None:
     if len(rows) < 2:
         return None
     acceleration = np.diff(v, axis=0, prepend=v[:1]) / context.period
-    *_, J, p, R, drift = RowFunction(rigid_body(context.robot).function)(q[rows], v[rows])
+    *_, J, _, R, drift = RowFunction(rigid_body(context.robot).function)(q[rows], v[rows])
     moved = _moved(context.robot.axes, n)
     (summed,) = moved(J, R, drift, v[rows], acceleration[rows])
     return summed.mean(axis=0).reshape(4, 4), len(rows) * context.period

@@ -69,10 +69,7 @@ class PayloadEstimate:
             for name, array in zip(("v", "wrench", "torque"), measured, strict=True)
         )
         nominal = symbols(robot, v)
-        given = [
-            wiring.reads(f"terms_{i}", array)
-            for i, array in enumerate(terms.arrays)
-        ]
+        given = [wiring.reads(f"terms_{i}", array) for i, array in enumerate(terms.arrays)]
         memory = wiring.reads("memory", self.memory)
         theta, fresh = memory[:KEPT], memory[KEPT]
         load = adaptation.model(theta)

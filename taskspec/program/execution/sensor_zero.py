@@ -43,7 +43,7 @@ class SensorZero:
     def __init__(
         self, robot: RobotModel, *, weighs: bool, payload: PayloadEstimate | None = None
     ) -> None:
-        """For the tool of `robot`; with `weighs`, its weight and a payload's are in the readings."""
+        """For the tool of `robot`; with `weighs`, readings have its weight and the payload's."""
         carries = weighs and payload is not None
         self._mass = robot.tool_body.mass if weighs else 0.0
         self._lever = robot.tool_body.lever
