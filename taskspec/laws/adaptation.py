@@ -25,12 +25,15 @@ Both sides go through the same low-pass, so that y_f = A_f theta as well, and
 
     theta' = w / |g|^2  A_f^T dz(y_f - A_f theta),    w = 2 pi bandwidth,
 
-each component less the dead zone, then within its bounds.
+each component less the dead zone, then within its bounds. Moments count over a length l there, as
+forces, and so do first moments, as masses: else an angular acceleration would have the force of a
+mass that is not known yet move the centre more than its moments do.
 
 Stability. Whatever law moves the arm, and whatever it is disturbed by, as long as each component of
-the disturbance stays within the dead zone: V = 1/2 |theta - theta*|^2 never rises, as an error e
-and its dz(e) have the same sign, and that of A_f (theta* - theta) where dz is not 0; nor does the
-projection raise it, as theta* is within the bounds. Nothing of theta that A_f does not show drifts.
+the disturbance stays within the dead zone: V = 1/2 |theta - theta*|^2, with first moments over l,
+never rises. An error e and its dz(e) have the same sign, and that of A_f (theta* - theta) where dz
+is not 0; nor does the projection raise V, as theta* is within the bounds. Nothing of theta that A_f
+does not show drifts.
 Directions that it shows fall exponentially while the Gramian, the mean of A_f^T A_f / |g|^2 over a
 window, has an eigenvalue lambda > 0 there: as exp(-lambda w t). At rest that is 1 for the mass and
 for moments across gravity, and 0 for that along it, which no weight shows. So at rest
@@ -60,10 +63,12 @@ Matrix = NDArray[np.float64]
 PARAMETERS = ("mass", "x", "y", "z")
 #: Corner of the low-pass over the bandwidth of the estimate.
 FILTER = 5.0
-#: Dead zone of moments over that of forces [m].
+#: The length l: moments over it count as forces, first moments over it as masses [m].
 LEVER = 0.1
 #: A mobility [1/kg, 1/(kg m^2)] that is small beside that of an arm which is not singular.
 _DAMPED = 1e-4
+#: What a parameter is that counts as 1 kg [kg, kg m].
+SCALES = (1.0, LEVER, LEVER, LEVER)
 #: Below this mass a payload has no centre [kg].
 _LIGHT = 1e-3
 
@@ -72,7 +77,7 @@ class ArmTerms(Protocol):
     """The model terms of an arm, as `robot.model_terms.TermSymbols` has them."""
 
     @property
-    def H(self) -> ca.SX:
+    def H(self) -> ca.SX:  # noqa: N802
         """(n, n) joint inertia."""
 
     @property
@@ -84,11 +89,11 @@ class ArmTerms(Protocol):
         """(n,) g."""
 
     @property
-    def R(self) -> ca.SX:
+    def R(self) -> ca.SX:  # noqa: N802
         """(3, 3) axes of the tip in the world."""
 
     @property
-    def J(self) -> ca.SX:
+    def J(self) -> ca.SX:  # noqa: N802
         """(6, n) Jacobian of the tip, world axes."""
 
     @property
@@ -200,14 +205,16 @@ class Adaptation:
 
     def step(self, theta: ca.SX, y: ca.SX, A: ca.SX, rows: list[int]) -> ca.SX:
         """theta (4,) a period later, by the filtered y (k,) and A (k, 4)."""
-        zone = ca.DM([self.dead_zone * (1.0 if row < 3 else LEVER) for row in rows])
-        error = y - A @ theta
+        W, S = ca.DM(counted(rows)), ca.DM(SCALES)
+        zone = self.dead_zone
+        error = W * (y - A @ theta)
         beyond = error - ca.fmin(ca.fmax(error, -zone), zone)
+        moved = S * (S * (A.T @ (W * beyond)))
         share = -math.expm1(-self.w * self.period) / self.g**2
         most = self.high * self.reach
         high = ca.DM([self.high, most, most, most])
         low = ca.DM([self.low, -most, -most, -most])
-        return ca.fmin(ca.fmax(theta + share * (A.T @ beyond), low), high)
+        return ca.fmin(ca.fmax(theta + share * moved, low), high)
 
     @property
     def passed(self) -> float:
@@ -262,6 +269,11 @@ class Adaptation:
             filtered += passed * (theta - line[0] - filtered)
             step[:, i] = [theta + share * (filtered - theta), filtered, seen, *line[1:]]
         return float(np.max(np.abs(np.linalg.eigvals(step))))
+
+
+def counted(rows: list[int]) -> list[float]:
+    """Weights of forces and moments, by their numbers among the six of a wrench."""
+    return [1.0 if row < 3 else 1.0 / LEVER for row in rows]
 
 
 def regressor(a: ca.SX, turning: ca.SX, turned: ca.SX, R: ca.SX) -> ca.SX:

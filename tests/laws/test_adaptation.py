@@ -9,7 +9,7 @@ import pytest
 
 from taskspec.compiler import compile_unchecked
 from taskspec.geometry.axis import AXES
-from taskspec.laws.adaptation import FILTER, LEVER, Adaptation, regressor
+from taskspec.laws.adaptation import FILTER, LEVER, SCALES, Adaptation, regressor
 from taskspec.program.execution.payload_estimate import KEPT
 from taskspec.spec import load_text
 
@@ -112,7 +112,7 @@ def test_the_error_never_grows_whatever_the_motion_and_disturbances_within_the_z
         reach = rng.uniform(-0.1, 0.1, 3)
         true = rng.uniform(0.0, 1.0) * np.concatenate([[1.0], reach])
         estimate = np.array(model.start)
-        errors = [np.sum((estimate - true) ** 2)]
+        errors = [np.sum(((estimate - true) / SCALES) ** 2)]
         most = zone * np.array([1, 1, 1, LEVER, LEVER, LEVER])
         for _ in range(40):
             R = pin.exp3(rng.normal(size=3))
@@ -121,7 +121,7 @@ def test_the_error_never_grows_whatever_the_motion_and_disturbances_within_the_z
                          rng.normal(size=3), R))))))  # fmt: skip
             measured = Y @ true + rng.uniform(-most, most)
             estimate = np.array(step(estimate, measured, Y)).ravel()
-            errors.append(np.sum((estimate - true) ** 2))
+            errors.append(np.sum(((estimate - true) / SCALES) ** 2))
         assert np.all(np.diff(errors) <= 1e-15)
         fell += errors[-1] < errors[0]
     assert fell > 150

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES
-from taskspec.laws.adaptation import PARAMETERS, regressor
+from taskspec.laws.adaptation import PARAMETERS, SCALES, counted, regressor
 from taskspec.program.bound import RowFunction
 from taskspec.program.execution.payload_estimate import adaptation
 from taskspec.program.program import Program
@@ -113,6 +113,7 @@ def _moved(axes: tuple[str, ...], n: int) -> RowFunction:
     tip = jacobian @ acceleration + drift
     gravity, turning = ca.DM(GRAVITY), (jacobian @ v)[3:]
     Y = regressor(tip[:3] - gravity, turning, tip[3:], ca.reshape(R, 3, 3))
-    Y = Y[[AXES.index(axis) for axis in axes], :]
+    rows = [AXES.index(axis) for axis in axes]
+    Y = ca.diag(ca.DM(counted(rows))) @ Y[rows, :] @ ca.diag(ca.DM(SCALES))
     made = ca.densify(ca.vec(Y.T @ Y)) / float(ca.sumsqr(gravity))
     return RowFunction(ca.Function("gramian", [J, R, drift, v, acceleration], [made]))
