@@ -77,6 +77,7 @@ def test_no_estimate_goes_away_from_the_truth(simulate, request):
         bound = model.bound(least * np.arange(np.sum(hang)) * PERIOD, facts["mass"])
         left = np.abs(mass[hang] - facts["mass"])
         worst = float(np.max(left[3:] / bound[:-3]))
-        assert worst <= 1 + 1e-9, (worst, int(np.argmax(left[3:] / bound[:-3])), least, facts)
+        # The bound is of a filter without samples: half a tick of w, 0.5 % at most.
+        assert worst <= 1.005, (worst, int(np.argmax(left[3:] / bound[:-3])), least, facts)
         seen += 1
     assert seen == count > 1
