@@ -215,6 +215,10 @@ _FAMILIES = {
         )
         for head in ("energy", "power", "tank")
     },
+    str(signals.Index.PAYLOAD): (
+        tuple(name.partition(".")[2] for name in signals.PAYLOAD),
+        "nothing of a payload is called",
+    ),
     str(signals.Index.GAIN): (tuple(f"{name}.z" for name in signals.GAIN), "there is no gain"),
 }
 

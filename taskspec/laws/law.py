@@ -110,6 +110,10 @@ class ControlLaw(ABC):
         """
         return self.commands == "torque" and not (self.bare or self.multipliers)
 
+    def compensates(self) -> bool:
+        """Whether weight and inertia of the arm's model are in its torques."""
+        return self.commands == "torque" and not self.bare
+
     @property
     def soft_axes(self) -> bool:
         """Whether a stiffness or damping of its own makes a motion axis a soft one."""

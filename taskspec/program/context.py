@@ -83,11 +83,6 @@ class Context:
         return self.robot.n if self.loaded.task.in_joints else 0
 
     @property
-    def observed(self) -> int:
-        """How many joints have their disturbance estimated in any stage: all, or none."""
-        return self.robot.n if self.loaded.task.observes else 0
-
-    @property
     def held(self) -> str:
         """The mechanism whose handle the robot holds; empty for none."""
         name = (self.loaded.task.robot.grasp or "").removesuffix(".handle")

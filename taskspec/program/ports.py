@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.laws.adaptation import PARAMETERS
 from taskspec.laws.tank import OUTPUTS as TANK
 from taskspec.robot.model_terms import TermSymbols
 from taskspec.robot.rebuild import GRAVITY
@@ -91,14 +92,15 @@ def fields(equations: int, followed: int = 0, more: Fields = ()) -> Fields:
 def optional(task: Task, joints: int) -> Fields:
     """Outputs that not every task has, in their order.
 
-    Gains that vary, params that may be set, joints whose disturbance is estimated, an energy tank;
-    command and load of the gripper.
+    Gains that vary, params that may be set, joints whose disturbance is estimated, an energy tank,
+    a payload that laws adapt to; command and load of the gripper.
     """
     found = (
         ("gain", len(task.varying_gains)),
         ("param", len(task.live)),
         ("disturbance", joints if task.observes else 0),
         ("tank", len(TANK) if task.tanks else 0),
+        ("payload", payload_size(task)),
         ("grip", 2 if task.gripped else 0),
     )
     return tuple((name, size) for name, size in found if size)
@@ -114,16 +116,28 @@ def now_at_start(task: Task) -> NDArray[np.float64]:
     """A tick's input `now` before the first one.
 
     Stage time, run time [s], how often each stage has been entered; then the params that may be set
-    as they are declared, and their rates; in a task that grips, command and load of the gripper.
+    as they are declared, and their rates; the payload that the controller knows of, and in a task
+    that grips command and load of the gripper.
     """
     live = [param.value for param in task.live.values()]
-    after = np.zeros(len(live) + (2 if task.gripped else 0))
-    return np.array([*np.zeros(first_live(task)), *live, *after])
+    after = len(live) + payload_size(task) + (2 if task.gripped else 0)
+    return np.array([*np.zeros(first_live(task)), *live, *np.zeros(after)])
 
 
 def first_live(task: Task) -> int:
     """Where in `now` the params are that may be set while a stage runs."""
     return 2 + len(task.stages)
+
+
+def payload_size(task: Task) -> int:
+    """Numbers of a payload that laws adapt to: mass and centre; 0 without any."""
+    return 0 if task.adapt is None else len(PARAMETERS)
+
+
+def payload_place(task: Task) -> slice:
+    """Where `now` has them: after the rates of params."""
+    first = first_live(task) + 2 * len(task.live)
+    return slice(first, first + payload_size(task))
 
 
 #: Inputs of a stage when it is entered, in this order: name and length.

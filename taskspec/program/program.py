@@ -11,7 +11,6 @@ from taskspec.deferred_methods import dataclass
 from taskspec.program.context import Context
 from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.machine import Machine, Views
-from taskspec.program.execution.sensor_zero import sensor_zero
 from taskspec.program.execution.stage_solver import OwnSolver, no_own_solver
 from taskspec.program.plan import TaskPlan
 from taskspec.program.ports import fields_of
@@ -101,7 +100,7 @@ class Program:
             own: makes the solvers that are tried before the named one.
         """
         n = self.context.robot.n
-        context, task = self.context, self.context.loaded.task
+        context = self.context
         if views is None:
             lengths = (n, n, 6, len(task.reported), n, self.output_size)
             q, v, wrench, reactions, torque, outputs = (np.zeros(length) for length in lengths)
@@ -111,7 +110,6 @@ class Program:
             self.stages,
             context.period,
             views,
-            sensor_zero(task, task.robot.sensor, context.robot),
             estimates(context.frames, context.period),
             terms,
             own,

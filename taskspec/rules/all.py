@@ -6,6 +6,7 @@ after them.
 
 # isort: off
 from taskspec.rules import (
+    adaptation,
     axes,
     equations,
     expectations,
@@ -44,6 +45,7 @@ from taskspec.rules import (
 # isort: on
 
 __all__ = [
+    "adaptation",
     "axes",
     "bushings",
     "contacts",

@@ -14,3 +14,8 @@ def motion_of(stage: StagePlan) -> KeyPath:
         return key_of(own.path)
     axis = next(iter(moving_axes(stage.spec)), None)
     return key_of(own.axes[axis] if axis else own)
+
+
+def adaptation_of(stage: StagePlan) -> KeyPath:
+    """Where the adaptation of a stage's law is given."""
+    return FILE.law.adapt if stage.spec.law is None else FILE.stages[stage.name].law.adapt

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from taskspec.expression.tree import Name, walk
 from taskspec.laws.design import INTEGRAL_FREQUENCY
 from taskspec.program.context import Context
 from taskspec.program.flow import leading_to
@@ -13,7 +12,7 @@ from taskspec.program.plan import TaskPlan
 from taskspec.program.sensor import SensorModel
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.signals.entries import TOUCHING
-from taskspec.spec import FILE, Stage
+from taskspec.spec import FILE
 from taskspec.text.units import TIME, scaled, show
 
 
@@ -77,7 +76,7 @@ def misleading_tares(task: TaskPlan) -> Iterator[Finding]:
         previous = next(iter(leading_to(stages, name)), None)
         if number == 0 and _force_at_start(task.context) > TOUCHING:
             why = "the tool touches at the start"
-        elif previous is not None and _ends_in_contact(stages[previous]):
+        elif previous is not None and stages[previous].ends_in_contact:
             why = f"stage {previous!r} before it ends in contact"
         else:
             continue
@@ -93,13 +92,3 @@ def _force_at_start(context: Context) -> float:
     """The largest contact force with an object where the run begins [N]."""
     gaps = context.touchable_gaps
     return max((-gap * context.compliances[o].stiffness for o, gap in gaps.items()), default=0.0)
-
-
-def _ends_in_contact(stage: Stage) -> bool:
-    """Whether a stage holds a force, or ends as soon as one is felt."""
-    if any(axis.has_force for axis in stage.axes.values()):
-        return True
-    if stage.until is None:
-        return False
-    names = (node for node in walk(stage.until.tree) if isinstance(node, Name))
-    return any(node.path[0] in ("force", "touching") for node in names)

@@ -12,7 +12,7 @@ from taskspec.program.context import Context
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.signals import entry_of
 from taskspec.rules import Finding, Phase, error, rule
-from taskspec.signals import ENERGY, VECTORS, Index
+from taskspec.signals import ENERGY, PAYLOAD, VECTORS, Index
 from taskspec.signals.table import REFERENCE
 
 
@@ -109,7 +109,7 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
             return elsewhere
     if len(path) == 1:
         return _no_single(stage, path[0])
-    if path[0] in (Index.GAIN, Index.GRIP, Index.TANK) or ".".join(path) in ENERGY:
+    if path[0] in (Index.GAIN, Index.GRIP, Index.TANK) or ".".join(path) in {*ENERGY, *PAYLOAD}:
         return _not_of_law(stage, path)
     if path[0] == "joint" and int(path[1]) > robot.n:
         return f"{robot.name!r} has {robot.n} joints"
@@ -168,10 +168,13 @@ def _no_single(stage: StagePlan, name: str) -> str | None:
 
 
 def _not_of_law(stage: StagePlan, path: tuple[str, ...]) -> str | None:
-    """Why the law of a stage has no such gain or energy, None if it has."""
+    """Why the law of a stage has no such gain, energy or payload, None if it has."""
     task = stage.context.loaded.task
     if path[0] == Index.GRIP:
         return None if task.gripped or path[0] in task.world else "no stage grips anything"
+    if ".".join(path) in PAYLOAD:
+        none = task.adapt is None
+        return "no law adapts to a payload: law: {adapt: payload}" if none else None
     if ".".join(path) in ENERGY:
         return _no_energy(stage, ".".join(path))
     if path[0] == Index.TANK:

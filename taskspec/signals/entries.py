@@ -314,6 +314,27 @@ def _energy(name: str, meaning: str, unmeasured: str = "") -> None:
         return at.energies().get(name)
 
 
+def _payload(name: str, dimension: Dimension, meaning: str, number: int) -> None:
+    """Enters a number of the payload that laws adapt to (`laws.adaptation`)."""
+
+    @signal(
+        f"payload.{name}",
+        dimension,
+        of=Index.PAYLOAD,
+        meanings={"": meaning},
+        reference="a reference cannot depend on what is estimated while it is followed",
+        absent="no law adapts to a payload",
+    )
+    def _value(at: Situation) -> ca.SX | None:
+        known = at.payload is not None and at.payload.numel()
+        return at.payload[number] if known else None
+
+
+_payload("mass", MASS, "mass of the payload, as a law that adapts has it", 0)
+for _number, _axis in enumerate("xyz", start=1):
+    _payload(_axis, LENGTH, f"its centre along the tool's {_axis}, from the tip", _number)
+
+
 _OF_A_RUN = "it is worked out of ticks that are past; judge it in 'expect'"
 _energy("energy.kinetic", "of the mass that the law moves: the arm's own, or its apparent one")
 _energy("energy.spring", "of the law's springs, ½ eᵀ K e")

@@ -85,6 +85,7 @@ class Situation:
         force_inconsistent: what contacts cannot return of the force set points [N].
         joint_error: of the joint that is farthest from its reference [rad, m].
         grip: signals of the gripper by the last part of their names; empty in a task without.
+        payload: (4,) mass [kg] and centre [m] of one that laws adapt to; empty without any.
         energies: gives the energies and powers of the stage's law by name; empty where it states
             none.
         disturbance: (n,) what the stage's observer estimates [N m, N]; None without one.
@@ -114,6 +115,7 @@ class Situation:
     force_inconsistent: ca.SX = UNKNOWN
     joint_error: ca.SX = UNKNOWN
     grip: Mapping[str, ca.SX] = field(default_factory=dict)
+    payload: ca.SX = UNKNOWN
     energies: Callable[[], Mapping[str, ca.SX]] = dict
     disturbance: ca.SX | None = None
     tank: Mapping[str, ca.SX] = field(default_factory=dict)

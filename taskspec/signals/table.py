@@ -16,7 +16,8 @@ from taskspec.text.units import NUMBER, Dimension
 class Index(StrEnum):
     """What the members of an entry differ by: an axis, a joint, an object of the world, a stage.
 
-    Those of a gain differ by the entry of its matrix. A single signal has one member, and so have a
+    Those of a gain differ by the entry of its matrix; energies and those of a payload have their
+    whole names. A single signal has one member, and so have a
     clock and a figure of the link to a plant that is elsewhere.
     """
 
@@ -31,6 +32,7 @@ class Index(StrEnum):
     ENERGY = "energy"
     GRIP = "grip"
     TANK = "tank"
+    PAYLOAD = "payload"
 
 
 #: What may differ from the truth: the wrench, which is zero while nothing is touched; objects.
@@ -148,6 +150,8 @@ ENERGY: dict[str, Signal] = {}
 GRIP: dict[str, Signal] = {}
 #: Of the energy tank of a law, by their whole name.
 TANK: dict[str, Signal] = {}
+#: Of a payload that laws adapt to, by their whole name, in the order of the log.
+PAYLOAD: dict[str, Signal] = {}
 #: Of an object, by its kind and what follows the object's name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
@@ -162,6 +166,7 @@ _TABLES = {
     Index.ENERGY: ENERGY,
     Index.GRIP: GRIP,
     Index.TANK: TANK,
+    Index.PAYLOAD: PAYLOAD,
 }
 
 
@@ -218,6 +223,9 @@ def words() -> tuple[str, ...]:
     return (*VECTORS, *numbers)
 
 
+_BY_WHOLE_NAME = (ENERGY, TANK, PAYLOAD)
+
+
 def find(
     path: tuple[str, ...], objects: Mapping[str, str], stages: Iterable[str] = ()
 ) -> Entry | None:
@@ -251,13 +259,11 @@ def find(
         case (Index.GAIN, *words, on) if (name := ".".join(words)) in GAIN:
             gain = GAIN[name]
             return Entry(gain, on, gain.dimensions[on]) if on in gain.dimensions else None
-        case (Index.LINK, name) if name in LINK:
-            return Entry(LINK[name], "", LINK[name].dimension)
-        case (Index.GRIP, name) if name in GRIP:
-            return Entry(GRIP[name], "", GRIP[name].dimension)
-        case (_, _) if (name := ".".join(path)) in ENERGY:
-            return Entry(ENERGY[name], "", ENERGY[name].dimension)
-        case (Index.TANK, _) if (name := ".".join(path)) in TANK:
-            return Entry(TANK[name], "", TANK[name].dimension)
+        case (Index.LINK | Index.GRIP as index, name) if name in _TABLES[index]:
+            found = _TABLES[index][name]
+            return Entry(found, "", found.dimension)
+        case (_, _):
+            whole = (by[".".join(path)] for by in _BY_WHOLE_NAME if ".".join(path) in by)
+            return next((Entry(found, "", found.dimension) for found in whole), None)
         case _:
             return None

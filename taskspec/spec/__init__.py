@@ -1,5 +1,6 @@
 """What a task file may say: one model per noun, and the steps from text to a checked task."""
 
+from taskspec.spec.adapt import Adapt
 from taskspec.spec.axis import AxisEntry
 from taskspec.spec.bushing import Bushing
 from taskspec.spec.control import Control
@@ -31,6 +32,7 @@ from taskspec.spec.world import Motion, Shape
 __all__ = [
     "FILE",
     "JOINT_LAWS",
+    "Adapt",
     "AxisEntry",
     "AxisValues",
     "Bushing",

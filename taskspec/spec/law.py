@@ -19,6 +19,7 @@ from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
 from taskspec.laws.joint_velocity import JOINT_VELOCITY, JointVelocity
 from taskspec.laws.law import Solve, commanding
 from taskspec.laws.tank import misfit
+from taskspec.spec.adapt import Adapt
 from taskspec.spec.axis import AxisEntry
 from taskspec.spec.disturbance_observer import DisturbanceObserver
 from taskspec.spec.gains import AxisValues, GainField
@@ -130,6 +131,7 @@ class Law(Model):
         solve: how the command of the law becomes that of the joints: by its own closed form, or by
             a quadratic program that keeps the limits; by default as the law has it.
         solver: of the quadratic program.
+        adapt: what it finds out about the arm as it moves; None for nothing.
     """
 
     noun = "a law"
@@ -179,6 +181,11 @@ class Law(Model):
     )
     solver: Annotated[Literal["daqp", "osqp"], Word(("daqp", "osqp"), "solver")] = Field(
         "daqp", title="Solver of the quadratic program"
+    )
+    adapt: Adapt | None = Field(
+        None,
+        title="Adaptation",
+        description="payload: to what the tool carries; gravity: to its weight alone",
     )
 
     @property
@@ -383,6 +390,16 @@ class Law(Model):
                 f"the law '{kind}' takes no tank: {reason}",
                 data.node.key_span("tank"),
                 f"laws that take one: {fitting}",
+        if "adapt" in data and not LAWS[kind].compensates:
+            law, takes = LAWS[kind], command_of(context.data)
+            why = "compensates no weight" if law.commands == TORQUE else "leaves that to the servo"
+            having = ", ".join(commanding(TORQUE, lambda each: each.compensates))
+            context.error(
+                "TS138",
+                f"the law '{kind}' {why}: a payload that it knows of changes nothing",
+                data.node.key_span("adapt"),
+                f"leave it out, or take one of {having}"
+                + ("" if takes == TORQUE else "; of a wrist sensor's weight, 'tare' takes care"),
             )
         if "null_space" in data and not LAWS[kind].holds_null_space:
             context.error(

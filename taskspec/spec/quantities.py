@@ -386,10 +386,12 @@ class QuantityInterval(FieldType):
     Attributes:
         dimension: what it measures.
         middle: what `+- x` is about (SI units).
+        least: neither end may be smaller (SI units).
     """
 
     dimension: Dimension
     middle: float = 0.0
+    least: float | None = None
 
     def read(self, value: object, context: ParseContext) -> tuple[float, float] | None:
         """Both ends in SI units; None after reporting why there are none."""
@@ -402,6 +404,10 @@ class QuantityInterval(FieldType):
             if ends[0] == ends[1]:
                 message, hint = "this interval has no width", "its ends have to differ"
             context.error("TS711", message, span_of(value), hint)
+            return None
+        if ends is not None and self.least is not None and ends[0] < self.least:
+            least = in_si(self.least, self.dimension) if self.least else "0"
+            context.error("TS118", f"this has to begin at {least} or above", span_of(value))
             return None
         return ends
 

@@ -122,6 +122,16 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "worlds": ("How many random worlds 'taskspec sweep' runs; by default 100.", (1000,)),
         "expect": ("How often what is to hold, at 95 % confidence.", ("success >= 99 %",)),
     },
+    "Adapt": {
+        "payload": ("Its weight and inertia join the model of the arm.", ({"mass": "0..2 kg"},)),
+        "gravity": ("Its weight alone does.", ({"mass": "0..2 kg"},)),
+    },
+    "PayloadAdaptation": {
+        "mass": ("The estimate begins at the lower one; 0..1 kg by default.", ("0..2 kg",)),
+        "reach": ("Along each axis of the tool; 200 mm by default.", ("300 mm",)),
+        "bandwidth": ("Errors vanish as exp(-2 pi bandwidth t); 0.5 Hz by default.", ("1 Hz",)),
+        "dead_zone": ("Force below which nothing adapts; 0.1 N by default.", ("0.5 N",)),
+    },
     "Reward": {
         "rate": ("Plain number in a second, of true signals; or one for each stage by its name.",
                  ("-abs(force.z + 12 N)/(5 N)", {"press": "-norm(error)/(1 mm)"})),
@@ -226,6 +236,7 @@ MEANINGS: dict[str, dict[str, Meaning]] = {
         "orientation": ("How orientation errors are measured; so3 has no singularity.", ()),
         "solve": ("closed-form: torques saturate, limits stop. qp: limits are kept.", ()),
         "solver": ("Of the quadratic program; daqp by default.", ()),
+        "adapt": ("What the law finds out about the arm; nothing by default.", ("payload",)),
     },
     "Sliding": {
         "layer": ("Within which s = ė + Λ e is met gently; thinner holds closer, and chatters. "

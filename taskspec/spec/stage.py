@@ -9,6 +9,7 @@ from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from taskspec.expression import Expression, ScopeKind
+from taskspec.expression.tree import Name, walk
 from taskspec.geometry.axis import Axis
 from taskspec.laws import DEFAULTS, LAWS
 from taskspec.laws.law import commanding
@@ -254,6 +255,16 @@ class Stage(Model):
         None, title="Opens the gripper as the stage begins"
     )
     allow: Annotated[tuple[str, ...], _ALLOWED] = Field((), title="Faults that a run may have")
+
+    @property
+    def ends_in_contact(self) -> bool:
+        """Whether it holds a force, or ends as soon as one is measured."""
+        if any(axis.has_force for axis in self.axes.values()):
+            return True
+        if self.until is None:
+            return False
+        names = (node for node in walk(self.until.tree) if isinstance(node, Name))
+        return any(node.path[0] in ("force", "touching") for node in names)
 
     @property
     def generalised(self) -> tuple[str, ...]:

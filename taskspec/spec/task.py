@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from taskspec.laws import DEFAULTS
+from taskspec.spec.adapt import Adapt
 from taskspec.spec.bushing import Bushing
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject
@@ -211,6 +212,11 @@ class Task(Model):
         """Whether a law of any of its stages has an energy tank."""
         laws = (self.law, *(stage.law for stage in self.stages.values()))
         return any(law is not None and law.tank is not None for law in laws)
+
+    def adapt(self) -> Adapt | None:
+        """What its laws adapt to, which is one for all stages; None for nothing."""
+        laws = (stage.law or self.law for stage in self.stages.values())
+        return next((law.adapt for law in laws if law.adapt is not None), None)
 
     def dimensions_of(self, path: str) -> tuple[Dimension, ...]:
         """The dimension of each component of a value that can vary, by its path under `vary`."""

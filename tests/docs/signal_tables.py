@@ -27,7 +27,7 @@ def signal_rows() -> Iterator[list[str]]:
     """Rows of signals that belong to no object."""
     tables = (signals.VECTORS, signals.SCALARS, signals.CLOCKS, signals.JOINT, signals.STAGE)
     tables = (*tables, signals.LINK, signals.GAIN, signals.GRIP, signals.ENERGY)
-    tables = (*tables, signals.LINK, signals.GAIN, signals.ENERGY, signals.TANK)
+    tables = (*tables, signals.TANK, signals.PAYLOAD)
     for signal in (signal for table in tables for signal in table.values()):
         members: dict[str, list[str]] = {}
         for key in signal.dimensions:

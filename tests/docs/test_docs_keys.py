@@ -10,6 +10,7 @@ from documents import LANGUAGE, first_words, models_of, table, units_written, va
 from pydantic.json_schema import SkipJsonSchema
 
 from taskspec.spec import Law, Robot, Task
+from taskspec.spec.adapt import Adapt, PayloadAdaptation
 from taskspec.spec.axis import Rotation, Translation
 from taskspec.spec.bushing import Bushing, SixBySix
 from taskspec.spec.control import Control
@@ -48,6 +49,7 @@ from taskspec.spec.quantities import (
     ForJoints,
     Formula,
     IntervalAroundZero,
+    QuantityInterval,
     QuantityList,
 )
 from taskspec.spec.reward import Reward
@@ -92,6 +94,8 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "law.force": (ForceGains,),
     "law.sliding": (Sliding,),
     "law.disturbance_observer": (DisturbanceObserver,),
+    "law.adapt": (Adapt,),
+    "law.adapt.payload": (PayloadAdaptation,),
     "limits": (Limits,),
     "control": (Control,),
     "payload": (Payload,),
@@ -111,6 +115,7 @@ def kinds(annotation: object) -> Iterator[object]:
             Constant
             | Entries
             | EitherQuantity
+            | QuantityInterval
             | QuantityList
             | JointTargets
             | JointExpressions
@@ -151,7 +156,7 @@ def units_needed(model: type[Model], key: str) -> set[object]:
             found.update({kind.dimension, kind.other})
         elif isinstance(kind, QuantityList):
             found.update({kind.dimension, kind.other} - {None})
-        elif isinstance(kind, Constant | ForJoints | IntervalAroundZero):
+        elif isinstance(kind, Constant | ForJoints | IntervalAroundZero | QuantityInterval):
             found.add(kind.dimension)
         elif isinstance(kind, Entries):
             found.update(kind.dimensions)

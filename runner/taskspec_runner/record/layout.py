@@ -17,7 +17,18 @@ from taskspec.program import ports
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
-from taskspec.signals import GAIN, GRIP, JOINT, LINK, OBJECT, SCALARS, TANK, VECTORS, Index
+from taskspec.signals import (
+    GAIN,
+    GRIP,
+    JOINT,
+    LINK,
+    OBJECT,
+    PAYLOAD,
+    SCALARS,
+    TANK,
+    VECTORS,
+    Index,
+)
 from taskspec.signals.table import MEASURED, REFERENCE
 from taskspec.spec import Task
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
@@ -255,13 +266,13 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
     for name, signal in SCALARS.items():
         field = f"{TRUE}{name}" if spoiled and name in _OF_MOTION else name
         yield Column(name, si_unit(signal.dimension), field if signal.port else "")
-    if any(stage.resolution is not None for stage in stages):
-        yield Column("limits", "", "limits")
-        yield Column("residual", "", "residual")
+    solved = any(stage.resolution is not None for stage in stages)
+    yield from (Column(name, "", name) for name in ("limits", "residual") if solved)
     yield from _of_gains(task, axes)
     yield from _of_params(task)
     yield from _of_grip(task)
     yield from _of_tanks(task)
+    yield from _of_payload(task)
     yield from _of_joints(robot, task)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
@@ -312,6 +323,12 @@ def _of_tanks(task: Task) -> Iterator[Column]:
     for name, signal in TANK.items() if task.tanks else ():
         unit = signal.unit or si_unit(signal.dimension)
         yield Column(name, unit, "tank", OUTPUTS.index(name.removeprefix("tank.")))
+
+
+def _of_payload(task: Task) -> Iterator[Column]:
+    """The columns of a payload that laws adapt to."""
+    for i, (name, signal) in enumerate(PAYLOAD.items() if task.adapt is not None else ()):
+        yield Column(name, si_unit(signal.dimension), "payload", i)
 
 
 def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:

@@ -76,6 +76,8 @@ def sections(run: Run) -> tuple[Section, ...]:
     arm.add(_joints(run, "disturbance", (), "", ""))
     arm.add(_joint_positions(run))
     arm.add(_power(run))
+    for chart in _payload(run):
+        arm.add(chart)
     for chart in _energies(run):
         energy.add(chart)
     drawn = (contact, motion, arm, energy)
@@ -299,6 +301,16 @@ def _power(run: Run) -> Chart | None:
     energy = 0.0 if power is None else float(np.nansum(power) * run.period)
     note = f"into the environment; {' '.join(quantity(energy, 'J'))} in all"
     return of_signals(run, "power", "Power", [Drawn("power", "j3", continuous=True)], note)
+
+
+def _payload(run: Run) -> Iterator[Chart | None]:
+    """The payload that laws adapt to."""
+    note = "as the controller has it"
+    mass = [Drawn("payload.mass", "ink", continuous=True)]
+    yield of_signals(run, "payload", "Mass of the payload", mass, note, always=(0.0,))
+    centre = [Drawn(f"payload.{axis}", axis, axis, continuous=True) for axis in "xyz"]
+    title, note = "Centre of the payload", "from the tip, in the tool's axes"
+    yield of_signals(run, "payload centre", title, centre, note, always=(0.0,))
 
 
 #: The energies of a law, and the terms that change what it stores, with their colours.

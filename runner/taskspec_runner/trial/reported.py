@@ -13,13 +13,13 @@ from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
 from taskspec.program.stages.protected import PROTECTION, about_force
 from taskspec.rules.finding import Finding, Place, info, warning
-from taskspec.rules.places import motion_of
+from taskspec.rules.places import adaptation_of, motion_of
 from taskspec.spec import FILE, KeyPath, key_of
 from taskspec.spec.stage import OSCILLATION
 from taskspec.stability.gain_paths import gain_path, law_path
 from taskspec.stability.sampled_stage import loop_of
 from taskspec.text.codes import register
-from taskspec.text.units import show
+from taskspec.text.units import MASS, scaled, show
 from taskspec_runner.record.history import Visit
 from taskspec_runner.trial import causes
 from taskspec_runner.trial.causes import Cause, first_cause
@@ -27,6 +27,7 @@ from taskspec_runner.trial.moment import Moment
 from taskspec_runner.trial.trial import OPEN, Trial
 from taskspec_runner.verdict.energy import RunEnergies, gain_text
 from taskspec_runner.verdict.judged import Judged
+from taskspec_runner.verdict.payload import described, payload_block, unshown
 from taskspec_runner.verdict.run_finding import RunFinding
 from taskspec_runner.verdict.tank import refusal
 
@@ -37,6 +38,7 @@ register(
         "TS422": "an arm that is singular on its way",
         "TS424": "a joint that comes to its limit",
         "TS425": "a motion that leaves what its frame follows",
+        "TS346": "a payload as heavy as its bounds let it be",
         "TS426": "a tip that passes the limit on speed",
         "TS427": "a joint that is at its limit for much of a stage",
         "TS429": "a tool that passes the limit on its deviation",
@@ -46,6 +48,7 @@ register(
         "TS445": "a torque that changes faster than the robot's protection lets it",
         "TS508": "a stage that oscillates",
         "TS510": "a stage that gains energy in the trial, by gains that vary",
+        "TS514": "a payload that the trial does not show",
         "TS521": "a body that slips in the gripper in the trial",
         "TS611": "a guard that does not hold in time",
         "TS613": "a guard that holds as its stage begins",
@@ -124,6 +127,7 @@ def reported(trials: Sequence[Trial]) -> Iterator[Finding]:
                 yield _of_run(last, finding)
         yield from _gained(last)
         yield from _refused(last)
+        yield from _adapted(last)
         expectations = last.program.context.loaded.task.expect
         for expectation, judged in zip(expectations, last.judged, strict=True):
             if judged.missed:
@@ -450,6 +454,27 @@ def _refused(trial: Trial) -> Iterator[Finding]:
             hint = "that is its purpose; where it should not, give it more energy, or more power"
             place = law_path(plan.context, plan.name).tank
             yield info("TS344", text, place, hint, unless=("TS511", "TS512", "TS344"))
+
+
+def _adapted(trial: Trial) -> Iterator[Finding]:
+    """A payload that a trial does not show, or that is beyond what it is let be."""
+    data = payload_block(trial.program, trial.history).get("payload")
+    if data is None:
+        return
+    stage = next(s.plan for s in trial.program.stages if s.plan.adapt is not None)
+    place = adaptation_of(stage)
+    if data["at_bound"]:
+        text = f"in the trial, the payload comes to {scaled(data['mass'], MASS, 3)}, its bound"
+        hint = "let 'mass' go further, or see what else the arm carries or is pushed by"
+        yield warning("TS346", text, place, hint)
+    missing = unshown(data)
+    if missing:
+        text = (
+            f"in the trial, the stages that adapt do not show the payload's {described(missing)}: "
+            "that stays near its first value"
+        )
+        hint = "let one of them turn the tool, each axis out of the vertical; or leave it as it is"
+        yield info("TS514", text, place, hint)
 
 
 def _missed(trial: Trial, judged: Judged, place: Place | None) -> Finding:

@@ -94,6 +94,9 @@ def _of_law(place: KeyPath, law: Law) -> Iterator[tuple[KeyPath, str]]:
     if law.solve == "qp":
         text = "the quadratic program: nothing keeps limits, reaching one stops the program"
         yield place, text
+    if law.adapt is not None:
+        text = "the adaptation to a payload: set_target_payload has what the file says of the tool"
+        yield place, text
     if law.null_space != Law().null_space:
         yield place, "goals in the null space: a Universal Robots arm has none"
     if law.tank is not None:

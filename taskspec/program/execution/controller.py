@@ -51,6 +51,11 @@ def _measure(c: ControllerMemory) -> None:
         copy(c.tip_rotation, c.turned, 9)
         evaluate(c.zeroed)
         copy(c.zeroed_wrench, c.wrench, 6)
+    if c.payload.code != 0:
+        evaluate(c.payload)
+        copy(c.loaded_inertia, c.inertia, c.n_inertia)
+        copy(c.loaded_bias, c.bias, c.n)
+        copy(c.loaded_gravity, c.gravity, c.n)
     now[0] = float(c.stage_ticks) * c.period
     now[1] = float(c.ticks) * c.period
     move(c.live, now[1])
@@ -190,6 +195,8 @@ def _decided(c: ControllerMemory) -> int:
     if answered:
         fading[0] = 0
     else:
+        if c.payload.code != 0:
+            zero(c.payload_memory[c.n_theta :], c.n_payload - c.n_theta)
         over = _fade(c)
         if over or not limit:
             copy(c.torque, c.torque_earlier, c.n)
@@ -263,7 +270,7 @@ def _estimate(c: ControllerMemory) -> None:
         evaluate(c.measuring)
     if c.tares:
         if c.taring_count[0] != 0.0:
-            for i in range(6):
+            for i in range(c.n_zero):
                 left[i] = c.taring_total[i] / c.taring_count[0]
         copy(c.tip_rotation, c.turned, 9)
         evaluate(c.zeroed)
@@ -279,7 +286,7 @@ def begin(c: ControllerMemory, after: ControllerMemory, again: int) -> None:
     begin_stage(c.grip, after.stage)
     after.ticks, after.stage_ticks, after.estimate_ticks = c.ticks, 0, 0
     if c.zeroed.code != 0:
-        zero(c.taring_total, 6)
+        zero(c.taring_total, c.n_zero)
         count[0] = 0.0
 
 
@@ -485,9 +492,14 @@ def commit(c: ControllerMemory) -> None:
     copy(c.new_memory, c.memory, c.n_memory)
     if c.tares:
         total, left, count = c.taring_total, c.taring_left, c.taring_count
-        for i in range(6):
+        for i in range(c.n_zero):
             total[i] += left[i]
         count[0] += 1.0
+    if c.payload.code != 0:
+        if c.adapts:
+            copy(c.payload_kept, c.payload_memory, c.n_payload)
+        else:
+            zero(c.payload_memory[c.n_theta :], c.n_payload - c.n_theta)
     if c.estimates:
         recent, at, seen = c.recent, c.estimate_ticks % c.estimate_room, c.wrench
         for i in range(3):

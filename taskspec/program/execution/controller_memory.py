@@ -17,6 +17,7 @@ from taskspec.program.execution.compiled_terms import CompiledTerms
 from taskspec.program.execution.exits import ExitTable
 from taskspec.program.execution.gripping import GripTable
 from taskspec.program.execution.live_params import LiveTable
+from taskspec.program.execution.payload_estimate import KEPT, PayloadEstimate
 from taskspec.program.limits.holding import Holding
 from taskspec.program.limits.relaxing import Relaxing
 from taskspec.program.ports import HANDED, fields, slices
@@ -43,6 +44,7 @@ class ControllerMemory(Evaluations):
     # functions on memory; those that a run has none of have no code
     terms: Evaluation
     zeroed: Evaluation
+    payload: Evaluation
     tick: Evaluation
     assemble: Evaluation
     accept: Evaluation
@@ -97,6 +99,11 @@ class ControllerMemory(Evaluations):
     clear: int  # whether no limit was in the way
     paring: int  # whether requests are being cut
     tares: int  # whether the stage measures the sensor's zero
+    adapts: int  # whether it changes the estimate of a payload
+    n_zero: int  # numbers that a sensor's zero is made of
+    n_inertia: int  # of H, packed
+    n_payload: int  # that the estimate remembers
+    n_theta: int  # of them, the estimate itself
     estimates: int  # whether the stage measures a frame
     estimate_ticks: int  # ticks of that
     estimate_room: int  # ticks that it looks back
@@ -133,6 +140,7 @@ class ControllerMemory(Evaluations):
 
     # of the model's terms
     inertia: Vector
+    bias: Vector
     gravity: Vector
     rest: Vector  # what is commanded of an arm at rest
     tip_position: Vector
@@ -185,6 +193,13 @@ class ControllerMemory(Evaluations):
     selection: Vector
     pivot_rows: Vector
 
+    # a payload that laws adapt to
+    loaded_inertia: Vector
+    loaded_bias: Vector
+    loaded_gravity: Vector
+    payload_memory: Vector
+    payload_kept: Vector
+
     # the sensor's zero, and forces that frames are estimated by
     turned: Vector
     zeroed_wrench: Vector
@@ -232,11 +247,12 @@ def _shared(machine: Machine) -> ControllerMemory:
     )
     assert isinstance(machine.terms, CompiledTerms)
     record.terms = Evaluation(machine.terms.bound)
-    inertia, _, gravity, _, position, rotation, _ = machine.terms.arrays
+    inertia, bias, gravity, _, position, rotation, _ = machine.terms.arrays
     handed, stages = slices(HANDED), [runner.stage for runner in machine.runners]
     record.exits, record.live, record.grip = machine.counts, machine.live.table, machine.grip
     record.take(
         inertia=inertia,
+        bias=bias,
         gravity=gravity,
         rest=machine.rest,
         tip_position=position,
@@ -278,6 +294,7 @@ def _shared(machine: Machine) -> ControllerMemory:
     if zero is not None:
         record.zeroed = Evaluation(zero.function)
         record.take(
+            n_zero=len(zero.zero),
             turned=zero.turned,
             zeroed_wrench=zero.wrench,
             taring_total=zero.total,
@@ -285,6 +302,8 @@ def _shared(machine: Machine) -> ControllerMemory:
             taring_count=zero.count,
             taring_zero=zero.zero,
         )
+    if machine.payload is not None:
+        _take_payload(record, machine.payload)
     if estimates is not None:
         record.take(
             estimate_room=len(estimates.recent),
@@ -296,6 +315,22 @@ def _shared(machine: Machine) -> ControllerMemory:
             estimated_poses=estimates.poses,
         )
     return record
+
+
+def _take_payload(record: ControllerMemory, payload: PayloadEstimate) -> None:
+    """The estimate of a payload, which all stages share."""
+    record.payload = Evaluation(payload.function)
+    inertia, bias, gravity = payload.loaded
+    record.take(
+        n_inertia=len(inertia),
+        n_payload=len(payload.memory),
+        n_theta=KEPT,
+        loaded_inertia=inertia,
+        loaded_bias=bias,
+        loaded_gravity=gravity,
+        payload_memory=payload.memory,
+        payload_kept=payload.kept,
+    )
 
 
 def _of_stage(shared: ControllerMemory, machine: Machine, runner: StageRunner) -> ControllerMemory:
@@ -341,6 +376,7 @@ def _of_stage(shared: ControllerMemory, machine: Machine, runner: StageRunner) -
         record.measuring = Evaluation(estimates.ends[runner.stage.name])
         record.estimates = True
     record.tares = runner.stage.plan.spec.tare and machine.sensor is not None
+    record.adapts = runner.stage.plan.adapts
     limits = np.array([each.is_limit for each in runner.stage.events], dtype=np.int64)
     record.take(limit_events=limits)
     if runner.last_command is not None:

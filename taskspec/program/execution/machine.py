@@ -24,7 +24,8 @@ from taskspec.program.execution.exits import (
 from taskspec.program.execution.fade_out import FadeOut, unanswered
 from taskspec.program.execution.gripping import begin_stage, grip_table, hand_load
 from taskspec.program.execution.live_params import LiveParams
-from taskspec.program.execution.sensor_zero import SensorZero
+from taskspec.program.execution.payload_estimate import PayloadEstimate, adaptation
+from taskspec.program.execution.sensor_zero import sensor_zero
 from taskspec.program.execution.stage_runner import StageRunner
 from taskspec.program.execution.stage_solver import (
     OwnSolver,
@@ -40,6 +41,7 @@ from taskspec.program.ports import (
     first_live,
     handed_of,
     now_at_start,
+    payload_place,
     slices,
 )
 from taskspec.program.reference.axis_plan import not_finite
@@ -47,6 +49,7 @@ from taskspec.program.stages.stage import CompiledStage
 from taskspec.program.world.estimated_frames import Estimates
 from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import ModelTerms
+from taskspec.spec import Task
 
 Vector = NDArray[np.float64]
 #: q, v, wrench, reactions, torque and outputs of a machine.
@@ -88,6 +91,7 @@ class Machine:
         reactions: (equations,) measured, what the robot applies along each equation's unit
             gradient [N, N m]; those on the tip are computed from the wrench instead.
         sensor: makes the wrench from readings; None where the wrench is written itself.
+        payload: that laws adapt to; None where none does.
         period: of control [s].
         runners: of the stages, in their order; `runner` is that of the current one.
         terms: the model terms.
@@ -124,13 +128,11 @@ class Machine:
         stages: tuple[CompiledStage, ...],
         period: float,
         views: Views,
-        sensor: SensorZero | None = None,
         estimates: Estimates | None = None,
         terms: type[ModelTerms] = CompiledTerms,
         own: OwnSolver = no_own_solver,
     ) -> None:
         self.period = period
-        self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         task = stages[0].plan.context.loaded.task
         self.now = now_at_start(task)
@@ -142,6 +144,9 @@ class Machine:
         self.rest = self.terms.gravity if self.drives.torques else np.zeros(robot.n)
         self.live = LiveParams(task.live, self.now, first_live(task))
         self._moves = bool(self.live)
+        self.payload = payload_estimate(self, task, robot)
+        self.sensor = sensor_zero(task, task.robot.sensor, robot, self.payload)
+        self.estimation = Estimation(self.sensor, estimates)
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.handed = np.zeros(sum(length for _, length in handed_of(task, robot.n)))
         self.applied, self.earlier, self.last = np.zeros((3, len(self.torque)))
@@ -193,6 +198,8 @@ class Machine:
         self._fading.reset()
         if self.sensor is not None:
             self.sensor.renew()
+        if self.payload is not None:
+            self.payload.renew()
         for counted in (self.counts.tries, self.counts.rounds):
             np.asarray(counted)[:] = 0
         for runner in self.runners:
@@ -257,6 +264,8 @@ class Machine:
         self.terms.update()
         if self.sensor is not None:
             self.sensor.correct(self.terms.tip()[1], self.wrench)
+        if self.payload is not None:
+            self.payload.carry()
 
     def tick(self, clock: float) -> float:
         """One control period at run time `clock` [s].
@@ -265,11 +274,7 @@ class Machine:
             0.0 while the current stage goes on; otherwise the event's number has been dealt with:
             the machine has moved to another stage (and computed its first torque) or has ended.
         """
-        if self._grips:
-            hand_load(self.grip)
-        self.terms.update()
-        if self.sensor is not None:
-            self.sensor.correct(self.terms.tip()[1], self.wrench)
+        self.update_terms()
         now, outputs, runner = self._now, self._outputs, self.runner
         self._applied[:] = self._torque
         ticks = self.stage_ticks
@@ -295,11 +300,17 @@ class Machine:
         if event and (ticks > 1 or self._is_limit(event)):
             self._change(clock)
         else:
-            runner.commit()
-            if self.estimation.on:
-                self.estimation.collect(self.wrench)
+            self._commit(runner)
             self.earlier[:] = self.applied
         return event
+
+    def _commit(self, runner: StageRunner) -> None:
+        """Makes the tick of a stage one that happened."""
+        runner.commit()
+        if self.estimation.on:
+            self.estimation.collect(self.wrench)
+        if self.payload is not None:
+            self.payload.commit(adapts=runner.stage.plan.adapts)
 
     def look(self, clock: float) -> None:
         """Measures at run time `clock` [s] as the current stage does, which commands nothing.
@@ -351,6 +362,8 @@ class Machine:
         not committed: the tick did not happen. Returns the number of an event.
         """
         assert runner.solver is not None
+        if self.payload is not None:
+            self.payload.forget()
         if self.drives.positions:
             wanted = self._fading.slow(self.applied, self.earlier)
         else:
@@ -437,9 +450,7 @@ class Machine:
             self._change(clock)
             return
         if fresh:
-            after.commit()
-            if self.estimation.on:
-                self.estimation.collect(self.wrench)
+            self._commit(after)
         self.earlier[:] = self.applied
 
     def _end(self, clock: float, event: events.Event, value: float, to: str) -> None:
@@ -489,3 +500,18 @@ class Machine:
         context = self.stage.plan.context
         named = slices(fields_of(context.loaded.task, context.robot.n))
         return {name: self.outputs[where] for name, where in named.items()}
+
+
+def payload_estimate(machine: Machine, task: Task, robot: RobotModel) -> PayloadEstimate | None:
+    """The estimate of the payload that laws of a task adapt to; None where none does."""
+    adapted = adaptation(task, machine.period)
+    if adapted is None:
+        return None
+    return PayloadEstimate(
+        adapted,
+        robot,
+        machine.terms,
+        (machine.v, machine.wrench, machine.torque),
+        machine.now[payload_place(task)],
+        touches=task.robot.sensor.at == "contact",
+    )

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from taskspec.faults import ENCODER
 from taskspec.program.bound import Wiring
+from taskspec.program.execution.payload_estimate import KEPT, PayloadEstimate
 from taskspec.robot import RobotModel
 from taskspec.robot.rebuild import GRAVITY
 from taskspec.spec import Sensor, Task
@@ -22,31 +23,46 @@ class SensorZero:
 
     At the wrist hangs the tool: its weight, as the file has the tool, is subtracted in the
     orientation of now. What is left is contact, the tool's inertia, and the sensor's bias, until a
-    stage with `tare` has measured it.
+    stage with `tare` has measured it. The weight of a payload that laws adapt to is subtracted as
+    well, in the orientation of now and in that of the zero: what was estimated since then counts in
+    the zero, too, so that it matters not which of the two comes first.
 
     Attributes:
         reading: (6,) the newest one, in the tool's axes about the tip, by the environment [N, N m];
             written from outside.
         turned: (9,) the tip's axes of now, column after column; written by `correct`.
-        left: (6,) of the reading without the weight.
-        zero: (6,) subtracted from what is left, in the same axes.
+        left: (6,) of the reading without the weight; with a payload also (3,) gravity in these axes
+            [m/s^2].
+        zero: (6,) or (9,) subtracted from what is left, in the same axes.
         wrench: (6,) of the contact, world axes [N, N m].
         function: reading, axes, zero -> left, wrench.
-        total: (6,) sum of what has been left since a stage began.
+        total: (6,) or (9,) sum of what has been left since a stage began.
         count: (1,) ticks of it.
     """
 
-    def __init__(self, robot: RobotModel, *, weighs: bool) -> None:
-        """For the tool of `robot`; with `weighs`, its weight is in the readings."""
+    def __init__(
+        self, robot: RobotModel, *, weighs: bool, payload: PayloadEstimate | None = None
+    ) -> None:
+        """For the tool of `robot`; with `weighs`, readings have its weight and the payload's."""
+        carries = weighs and payload is not None
         self._mass = robot.tool_body.mass if weighs else 0.0
         self._lever = robot.tool_body.lever
-        self.reading, self.zero, self.turned = np.zeros(6), np.zeros(6), np.zeros(9)
-        self.left, self.wrench = np.zeros(6), np.zeros(6)
-        self.total, self.count = np.zeros(6), np.zeros(1)
+        size = 9 if carries else 6
+        self.reading, self.zero, self.turned = np.zeros(6), np.zeros(size), np.zeros(9)
+        self.left, self.wrench = np.zeros(size), np.zeros(6)
+        self.total, self.count = np.zeros(size), np.zeros(1)
         wiring = Wiring()
         R = ca.reshape(wiring.reads("turned", self.turned), 3, 3)
         left = wiring.reads("reading", self.reading) - self.weight(R)
-        contact = left - wiring.reads("zero", self.zero)
+        zero = wiring.reads("zero", self.zero)
+        contact = left - zero[:6]
+        if carries:
+            assert payload is not None
+            adaptation = payload.adaptation
+            load = adaptation.model(wiring.reads("payload", payload.memory)[:KEPT])
+            down = R.T @ ca.DM(_GRAVITY)
+            contact -= adaptation.weight(load, down - zero[6:])
+            left = ca.vertcat(left, down)
         wiring.writes(left, self.left)
         wiring.writes(ca.vertcat(R @ contact[:3], R @ contact[3:]), self.wrench)
         self.function = wiring.bound("zeroed")
@@ -83,13 +99,16 @@ class SensorZero:
             self.zero[:] = self.total / self.count
 
 
-def sensor_zero(task: Task, sensor: Sensor, robot: RobotModel) -> SensorZero | None:
+def sensor_zero(
+    task: Task, sensor: Sensor, robot: RobotModel, payload: PayloadEstimate | None = None
+) -> SensorZero | None:
     """The correction of the readings of an arm's sensor.
 
     Args:
         task: for what varies, for faults, and for stages that tare.
         sensor: as the file has it.
         robot: the arm.
+        payload: that laws adapt to; None for none.
 
     Returns:
         None where the sensor gives the contact wrench as it is.
@@ -100,4 +119,4 @@ def sensor_zero(task: Task, sensor: Sensor, robot: RobotModel) -> SensorZero | N
     varied = varied or bool(task.truth.of(ENCODER))
     if sensor == Sensor() and not varied and not any(s.tare for s in task.stages.values()):
         return None
-    return SensorZero(robot, weighs=sensor.at == "wrist")
+    return SensorZero(robot, weighs=sensor.at == "wrist", payload=payload)

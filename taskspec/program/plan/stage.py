@@ -19,6 +19,7 @@ from taskspec.motion.joint_path import JointPath
 from taskspec.motion.path import PathShape
 from taskspec.program.axes import MOSTLY
 from taskspec.program.context import Context
+from taskspec.program.flow import leading_to
 from taskspec.program.kept_forces import with_kept_forces
 from taskspec.program.known_value import KnownValues
 from taskspec.program.plan.contacts import StageContacts
@@ -35,7 +36,7 @@ from taskspec.program.reference.paths import by_phase, joint_path, path_shape
 from taskspec.program.trajectory import Nominal
 from taskspec.program.world.frames import FrameModel
 from taskspec.program.world.moving_base import MovingBase
-from taskspec.spec import JOINT_LAWS, Law, Limits, Stage, joint_law
+from taskspec.spec import JOINT_LAWS, Adapt, Law, Limits, Stage, joint_law
 
 Vector = NDArray[np.float64]
 
@@ -116,6 +117,36 @@ class StagePlan:
         if self.spec.law is None and not active_equations(law, self.spec, self.context.equations):
             return joint_law(self.context.drives.commands, law)
         return law.model_copy(update={"orientation": "so3"})  # No axis turns by its angles.
+
+    @cached_property
+    def adapt(self) -> Adapt | None:
+        """What its law adapts to, on a path of joints the file's; None for nothing."""
+        return (self.spec.law or self.context.loaded.task.law).adapt
+
+    @cached_property
+    def adapts(self) -> bool:
+        """Whether an estimate changes in it.
+
+        A sensor at the wrist takes a payload and a contact for one: by it, a stage adapts that is
+        to touch nothing.
+        """
+        return self.adapt is not None and not self.confuses_payload
+
+    @property
+    def confuses_payload(self) -> bool:
+        """Whether forces that its sensor measures may be those of a payload and of contacts alike.
+
+        So it is of a sensor at the wrist in a stage in the frame of an object, one that has a force
+        or ends by one, one that follows such a stage, and where the tool is attached to something.
+        """
+        context, task = self.context, self.context.loaded.task
+        if task.robot.sensor.at == "contact":
+            return False
+        attached = task.robot.grasp is not None or context.bushings or context.equations
+        about = self.spec.contact is not None or self.contacts.surface is not None
+        before = (task.stages[name] for name in leading_to(task.stages, self.name))
+        ends = self.spec.ends_in_contact or any(stage.ends_in_contact for stage in before)
+        return bool(attached or about or ends)
 
     @cached_property
     def limits(self) -> Limits:

@@ -56,7 +56,6 @@ class Measurement:
         table: signals by name.
         infeasible: what contacts do not return of the set points.
         varying_gains: of all stages of the task, by name and entry.
-        tanks: whether any stage of the task has an energy tank.
         tracks: what its frame tracks, by its number in `tracked_frames`; 0 for nothing.
     """
 
@@ -79,7 +78,6 @@ class Measurement:
     table: SignalTable
     infeasible: InfeasibleForces
     varying_gains: tuple[tuple[str, str], ...]
-    tanks: bool
     tracks: float
 
     @property
@@ -138,6 +136,7 @@ def measure(plan: StagePlan) -> Measurement:
     situation.grip = inputs.grip
     situation.contact = plan.contacts.of_gap
     situation.visits = {stage: inputs.now[2 + i] for i, stage in enumerate(task.stages)}
+    situation.payload = inputs.now[ports.payload_place(task)]
     kinds = {name: thing.kind for name, thing in task.world.items()}
     situation.objects = {
         **{name: ObjectState(kind) for name, kind in kinds.items()},
@@ -184,7 +183,6 @@ def measure(plan: StagePlan) -> Measurement:
         table=SignalTable(situation, _constants(task, clock), elsewhere),
         infeasible=infeasible,
         varying_gains=task.varying_gains,
-        tanks=task.tanks,
         tracks=tracked_frames.NUMBERS[frame.tracking.of] if frame.tracking is not None else 0.0,
     )
 
@@ -210,8 +208,8 @@ def _clock(task: Task, inputs: ports.Inputs) -> Clock:
     if not live:
         return Clock(t, clock)
     first = ports.first_live(task)
-    rates = inputs.now[first + live : first + 2 * live]
-    return Clock(t, clock, inputs.now[first : first + live], rates)
+    values, rates = slice(first, first + live), slice(first + live, first + 2 * live)
+    return Clock(t, clock, inputs.now[values], inputs.now[rates])
 
 
 def _constants(task: Task, clock: Clock) -> dict[str, ca.SX]:

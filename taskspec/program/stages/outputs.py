@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
-from taskspec.laws.tank import OUTPUTS as TANK
 from taskspec.program import ports
 from taskspec.program.limits.resolution import Resolved
 from taskspec.program.ports import INTERNAL, PROBE
@@ -51,7 +50,7 @@ def outputs(
     commanded: Commanded,
     limited: Resolved | None,
     followed: int,
-    observed: int,
+    more: ports.Fields,
 ) -> ca.SX:
     """A tick's outputs: the numbers of `ports.fields`.
 
@@ -61,7 +60,7 @@ def outputs(
         commanded: by the law.
         limited: the stage's programs; what comes of them is filled in later. None without any.
         followed: joints that have a reference in any stage.
-        observed: joints whose disturbance is estimated in any stage.
+        more: the outputs that not every task has.
     """
     inputs, references = measurement.inputs, commanded.references
     six = references.six
@@ -107,11 +106,7 @@ def outputs(
         _by_equation(measurement, forces.gaps),
         _by_equation(measurement, forces.residuals),
         ca.SX.nan(followed) if joints is None else joints.position,
-        _gains(measurement, commanded),
-        ca.SX(0, 1) if measurement.clock.live is None else measurement.clock.live,
-        _disturbance(measurement, observed),
-        inputs.now[-2:] if inputs.grips else ca.SX(0, 1),
-        _tank(measurement, commanded),
+        *(_optional(name, size, measurement, commanded) for name, size in more),
     )
 
 
@@ -143,17 +138,18 @@ def _gains(measurement: Measurement, commanded: Commanded) -> ca.SX:
     )
 
 
-def _disturbance(measurement: Measurement, observed: int) -> ca.SX:
-    """(observed,) torques that an observer estimates, NaN in a stage without one."""
-    found = measurement.table.situation.disturbance
-    return ca.SX.nan(observed) if found is None else found
-
-
-def _tank(measurement: Measurement, commanded: Commanded) -> ca.SX:
-    """The numbers of a tank, NaN in a stage without one, nothing where no stage has one."""
-    if commanded.tank is not None:
-        return commanded.tank.outputs
-    return ca.SX.nan(len(TANK) if measurement.tanks else 0, 1)
+def _optional(name: str, size: int, measurement: Measurement, commanded: Commanded) -> ca.SX:
+    """(size,) an output that not every task has, NaN in a stage that does not have it."""
+    situation, now = measurement.table.situation, measurement.inputs.now
+    found = {
+        "gain": lambda: _gains(measurement, commanded),
+        "param": lambda: measurement.clock.live,
+        "disturbance": lambda: situation.disturbance,
+        "tank": lambda: None if commanded.tank is None else commanded.tank.outputs,
+        "payload": lambda: situation.payload,
+        "grip": lambda: now[-2:],
+    }[name]()
+    return ca.SX.nan(size) if found is None else found
 
 
 def _reactions(measurement: Measurement) -> ca.SX:

@@ -23,6 +23,7 @@ from taskspec.program.limits.programs import resolve
 from taskspec.program.limits.resolution import Resolution, Resolved, saturated
 from taskspec.program.operators import choice, quick_operators
 from taskspec.program.plan import StagePlan
+from taskspec.program.ports import optional
 from taskspec.program.reference.measurement import Measurement, measure
 from taskspec.program.reference.slowed_path import INITIAL
 from taskspec.program.signals import UnknownSignalError
@@ -133,12 +134,11 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     updates |= commanded.command.memory
     updates |= {} if commanded.tank is None else commanded.tank.memory
     remembered = memory.stack(updates)
+    more = optional(context.loaded.task, context.robot.n)
     results = [
         torque,
         remembered,
-        outputs(
-            (number, value), measurement, commanded, limited, context.followed, context.observed
-        ),
+        outputs((number, value), measurement, commanded, limited, context.followed, more),
         limited.handed_over if limited else ca.SX(0, 1),
         closed_form,
     ]
