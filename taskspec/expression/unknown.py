@@ -210,6 +210,7 @@ _FAMILIES = {
         )
         for head in ("energy", "power")
     },
+    str(signals.Index.ESTIMATE): (tuple(f"{n}.z" for n in signals.ESTIMATE), "no law estimates"),
     str(signals.Index.GAIN): (tuple(f"{name}.z" for name in signals.GAIN), "there is no gain"),
 }
 

@@ -67,7 +67,22 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
-def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> Fields:
+#: What a stage has of the stiffness that it, or one before it, has estimated along each axis.
+ESTIMATE: Fields = (
+    *(("stiffness", 6), ("stiffness_deviation", 6), ("stiffness_followed", 6)),
+    ("stiffness_of", 6),
+)
+#: The signals that are among these.
+ESTIMATED = {
+    "stiffness": "stiffness",
+    "deviation": "stiffness_deviation",
+    "followed": "stiffness_followed",
+}
+
+
+def fields(
+    equations: int, followed: int = 0, gains: int = 0, live: int = 0, *, estimates: bool = False
+) -> Fields:
     """The outputs of a task's stages; last are those of equations, joints, gains and params.
 
     Args:
@@ -76,6 +91,7 @@ def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> 
         followed: joints that follow references in a stage; 0 where none has a path of joints.
         gains: how many of any stage vary.
         live: params that may be set while a stage runs.
+        estimates: whether a stage estimates the stiffness of its contact.
     """
     on_equations = ("reaction_ref", "reaction", "gap_ref", "reaction_residual")
     return (
@@ -85,13 +101,15 @@ def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> 
         ("joint_ref", followed),
         *((("gain", gains),) if gains else ()),
         *((("param", live),) if live else ()),
+        *(ESTIMATE if estimates else ()),
     )
 
 
 def fields_of(task: Task, joints: int) -> Fields:
     """The outputs of the stages of a task, of an arm with some joints."""
     followed = joints if task.in_joints else 0
-    return fields(len(task.equations), followed, len(task.varying_gains), len(task.live))
+    gains, live = len(task.varying_gains), len(task.live)
+    return fields(len(task.equations), followed, gains, live, estimates=bool(task.estimates))
 
 
 def now_at_start(task: Task) -> NDArray[np.float64]:
@@ -131,10 +149,13 @@ LAW: Fields = (("error", 6), ("force_ref", 6))
 #: they were measured; the wrench that the robot applied on axes with a force set point (held), and
 #: what was commanded there; all in world axes. Last the angle of a mechanism that the
 #: stage kept track of, and whether the next one keeps track of the same; what a frame that tracks
-#: the force or the motion has in its memory (track), and which of these (tracks, 0 for none).
+#: the force or the motion has in its memory (track), and which of these (tracks, 0 for none). By
+#: axis the stiffness that was estimated, that which gains followed, and the number of the object
+#: that it is of, 0 for none.
 HANDED: Fields = (
     *(("p", 3), ("R", 9), ("twist", 6), ("held", 6), ("commanded", 6)),
     *(("angle", 1), ("same", 1), ("track", 9), ("tracks", 1)),
+    *(("stiffness", 6), ("stiffness_followed", 6), ("stiffness_of", 6)),
 )
 
 

@@ -10,6 +10,7 @@ from taskspec.signals.situation import MovingPose, ObjectState, Situation
 from taskspec.signals.table import (
     CLOCKS,
     ENERGY,
+    ESTIMATE,
     GAIN,
     JOINT,
     LINK,
@@ -29,6 +30,7 @@ from taskspec.signals.table import (
 __all__ = [
     "CLOCKS",
     "ENERGY",
+    "ESTIMATE",
     "GAIN",
     "JOINT",
     "LINK",

@@ -86,6 +86,7 @@ class Situation:
         joint_error: of the joint that is farthest from its reference [rad, m].
         energies: gives the energies and powers of the stage's law by name; empty where it states
             none.
+        estimates: what the law estimates along axes, by the name of its signal.
         known: signals by full name that are given instead of evaluated, and those evaluated so far.
     """
 
@@ -111,6 +112,7 @@ class Situation:
     force_inconsistent: ca.SX = UNKNOWN
     joint_error: ca.SX = UNKNOWN
     energies: Callable[[], Mapping[str, ca.SX]] = dict
+    estimates: Mapping[str, Mapping[Axis, ca.SX]] = field(default_factory=dict)
     known: dict[str, ca.SX] = field(default_factory=dict)
 
     def signal(self, *path: str) -> ca.SX | None:

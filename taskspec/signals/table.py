@@ -16,7 +16,7 @@ from taskspec.text.units import NUMBER, Dimension
 class Index(StrEnum):
     """What the members of an entry differ by: an axis, a joint, an object of the world, a stage.
 
-    Those of a gain differ by the entry of its matrix. A single signal has one member, and so have a
+    Those of a gain differ by the entry of its matrix, those of an estimate by its axis. A single signal has one member, and so have a
     clock and a figure of the link to a plant that is elsewhere.
     """
 
@@ -29,6 +29,7 @@ class Index(StrEnum):
     LINK = "link"
     GAIN = "gain"
     ENERGY = "energy"
+    ESTIMATE = "estimate"
 
 
 #: What may differ from the truth: the wrench, which is zero while nothing is touched; objects.
@@ -142,6 +143,8 @@ LINK: dict[str, Signal] = {}
 GAIN: dict[str, Signal] = {}
 #: Energies and powers of a law, by their whole name.
 ENERGY: dict[str, Signal] = {}
+#: What laws estimate along axes, by name.
+ESTIMATE: dict[str, Signal] = {}
 #: Of an object, by its kind and what follows the object's name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
@@ -154,6 +157,7 @@ _TABLES = {
     Index.LINK: LINK,
     Index.GAIN: GAIN,
     Index.ENERGY: ENERGY,
+    Index.ESTIMATE: ESTIMATE,
 }
 
 
@@ -243,6 +247,8 @@ def find(
         case (Index.GAIN, *words, on) if (name := ".".join(words)) in GAIN:
             gain = GAIN[name]
             return Entry(gain, on, gain.dimensions[on]) if on in gain.dimensions else None
+        case (Index.ESTIMATE, name, axis) if name in ESTIMATE and as_axis(axis) in TRANSLATIONS:
+            return Entry(ESTIMATE[name], axis, ESTIMATE[name].dimension)
         case (Index.LINK, name) if name in LINK:
             return Entry(LINK[name], "", LINK[name].dimension)
         case (_, _) if (name := ".".join(path)) in ENERGY:

@@ -16,7 +16,7 @@ from taskspec.program import ports
 from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
-from taskspec.signals import GAIN, JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
+from taskspec.signals import ESTIMATE, GAIN, JOINT, LINK, OBJECT, SCALARS, VECTORS, Index
 from taskspec.signals.table import MEASURED, REFERENCE
 from taskspec.spec import Task
 from taskspec.text.units import FORCE, LENGTH, VELOCITY, si_unit
@@ -253,6 +253,7 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
         yield Column("limits", "", "limits")
         yield Column("residual", "", "residual")
     yield from _of_gains(task, axes)
+    yield from _of_estimates(task, axes)
     yield from _of_params(task)
     yield from _of_joints(robot, task)
     for owner, declared in task.world.items():
@@ -294,6 +295,15 @@ def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:
         if {*axes_of(on)} <= {*axes}:
             unit = si_unit(GAIN[name].dimensions[on])
             yield Column(f"{Index.GAIN}.{name}.{on}", unit, "gain", i)
+
+
+def _of_estimates(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:
+    """The columns of what laws estimate, as far as the arm has their axes."""
+    for axis in task.estimates:
+        for signal, output in ports.ESTIMATED.items():
+            if axis in axes:
+                unit = si_unit(ESTIMATE[signal].dimension)
+                yield Column(f"{Index.ESTIMATE}.{signal}.{axis}", unit, output, axis.row)
 
 
 def _of_joints(robot: RobotModel, task: Task) -> Iterator[Column]:

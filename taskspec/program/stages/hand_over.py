@@ -9,7 +9,7 @@ import casadi as ca
 
 from taskspec.control.representation import Representation
 from taskspec.program.plan import StagePlan
-from taskspec.program.ports import HANDED, fields, fields_of, slices
+from taskspec.program.ports import ESTIMATE, HANDED, fields, fields_of, slices
 from taskspec.program.reference.orientation import displaced, representation_of
 from taskspec.program.world.moving_base import MovingBase
 
@@ -37,9 +37,10 @@ def leaving(plan: StagePlan) -> ca.Function:
     axes = tuple(name.row for name in plan.plans)
     angles, context = representation_of(plan.law), plan.context
     size = sum(n for _, n in fields_of(context.loaded.task, context.robot.n))
+    given = bool(context.loaded.task.estimates)
     if plan.moving_base is None:
-        return _leaving_still(axes, forced, tracked, angles, size)
-    return _leaving(axes, forced, tracked, angles, size, plan.moving_base)
+        return _leaving_still(axes, forced, tracked, angles, size, given)
+    return _leaving(axes, forced, tracked, angles, size, given, plan.moving_base)
 
 
 def _leaving(
@@ -48,6 +49,7 @@ def _leaving(
     tracked: Sequence[int],
     angles: Representation | None,
     size: int,
+    estimates: bool,
     base: MovingBase | None = None,
 ) -> ca.Function:
     """What `leaving` gives.
@@ -57,6 +59,7 @@ def _leaving(
             point, and `tracked`, which hand on the reference of their motion.
         angles: in which the law measures orientation; None for the rotation vector.
         size: how many outputs there are.
+        estimates: whether the last of them are those of `ESTIMATE`.
         base: that carries the frame.
     """
     outputs, clock = ca.SX.sym("outputs", size), ca.SX.sym("clock")
@@ -87,6 +90,9 @@ def _leaving(
         "track": at["track"],
         "tracks": at["tracks"],
     }
+    last, count = slices(ESTIMATE), sum(n for _, n in ESTIMATE)
+    estimated = outputs[size - count :] if estimates else ca.SX.zeros(count)
+    values |= {name: estimated[last[name]] for name, _ in HANDED if name in last}
     found = ca.vertcat(*(values[name] for name, _ in HANDED))
     return ca.Function("leaving", [outputs, clock], [ca.densify(found)])
 
