@@ -41,6 +41,8 @@ DECIDED = 0.25
 _KNOTS = 8
 #: Slopes of two such lines that differ by less are one.
 _ALIKE = 1e-6
+#: Readings of a force that swings after which its stiffness is found, measured in random presses.
+_READINGS = 12
 #: d_0 is known no better than this part of a stiffness, in a second [s].
 _LEAST_DAMPING = 1e-3
 #: Of one axis in the memory of a stage, and how many numbers each is.
@@ -76,6 +78,14 @@ class ContactStiffness:
     def undecided(self) -> float:
         """s_k: the standard deviation before anything was measured [N/m]."""
         return self.high
+
+    @property
+    def found_after(self) -> float:
+        """How long a force that changes as loops make it has been read as the stiffness is found.
+
+        Ticks by the dozen: with f = k x + d x' + c three readings decide what has no noise.
+        """
+        return _READINGS * self.period
 
     @property
     def settling(self) -> float:
@@ -190,8 +200,12 @@ class Schedule:
         knots, values = zip(*kept, at[-1], strict=True)
         return Schedule(knots, values)
 
+    def value(self, stiffness: float) -> float:
+        """The gain for a stiffness [N/m]."""
+        return math.exp(float(np.interp(math.log(stiffness), self.knots, self.values)))
+
     def at(self, followed: ca.SX) -> ca.SX:
-        """The gain at ln k."""
+        """The same as an expression of ln k."""
         found, slope = ca.SX(self.values[0]), 0.0
         for i in range(len(self.knots) - 1):
             width = self.knots[i + 1] - self.knots[i]

@@ -8,6 +8,7 @@ after them.
 from taskspec.rules import (
     axes,
     equations,
+    estimates,
     expectations,
     faults,
     feasibility,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 
 from taskspec.geometry.axis import Axis
@@ -122,10 +123,8 @@ class StageEstimates:
         for axis in self.axes.keys() & stiffness.keys():
             each = self.axes[axis]
             k = min(max(stiffness[axis], each.low), each.high)
-            designed = self._rules.along(axis, k)
-            for name in self.named[axis]:
-                if name in designed:
-                    found[name][axis] = designed[name]
+            for name, schedule in self.schedules[axis].items():
+                found[name][axis] = replace(found[name][axis], value=schedule.value(k))
         return found
 
     def _designed(self, axis: Axis, stiffness: float) -> dict[str, float]:
