@@ -10,7 +10,9 @@ nobody knows. Least squares that forget by lambda = exp(-T / memory) a period mi
     sum lambda^(n-i) (f_i - k x_i - d x'_i - c)^2 / sigma^2 + (k - k_0)^2 / s_k^2 + (d - d_0)^2 / s_d^2
 
 (contact impedance by recursive least squares: Love and Book, 1995; Diolaiti, Melchiorri and
-Stramigioli, 2005). k_0, d_0 are what the file declares. The sums of the first part are recursive,
+Stramigioli, 2005). k_0, d_0 are what the file declares, s_k the greater bound; on an object that has
+been pressed before, k_0 is what was found there and s_k its standard deviation, a tenth of it at
+least. The sums of the first part are recursive,
 S <- lambda S + (1, x, x', f)(1, x, x', f)^T, and the second never forgets, so that what nothing
 excites has the covariance of the file and no more: nothing winds up (stabilised forgetting, Kulhavy
 and Zarrop, 1993). c falls out with the means.
@@ -43,10 +45,14 @@ _KNOTS = 8
 _ALIKE = 1e-6
 #: Readings of a force that swings after which its stiffness is found, measured in random presses.
 _READINGS = 12
+#: What was found before is trusted to this part of it at most.
+_TRUSTED = 0.1
 #: d_0 is known no better than this part of a stiffness, in a second [s].
 _LEAST_DAMPING = 1e-3
 #: Of one axis in the memory of a stage, and how many numbers each is.
-STATE: Mapping[str, int] = {"sums": _SUMS, "slow": 1, "found": 1, "deviation": 1, "followed": 1}
+STATE: Mapping[str, int] = {
+    **{"sums": _SUMS, "slow": 1, "prior": 2, "found": 1, "deviation": 1, "followed": 1}
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,18 +101,20 @@ class ContactStiffness:
         """
         return math.log(self.high / self.low) / self.rate + self.period
 
-    def begun(self, found: ca.SX, followed: ca.SX) -> dict[str, ca.SX]:
+    def begun(self, found: ca.SX, deviation: ca.SX, followed: ca.SX) -> dict[str, ca.SX]:
         """The state of an axis whose contact begins.
 
         Args:
             found: the stiffness that was found there before, else the declared one [N/m].
+            deviation: the standard deviation of that, else `undecided` [N/m].
             followed: by the design [N/m].
         """
         return {
             "sums": ca.SX.zeros(_SUMS),
             "slow": ca.SX(0),
+            "prior": ca.vertcat(found, ca.fmax(deviation, _TRUSTED * found)),
             "found": found,
-            "deviation": ca.SX(self.undecided),
+            "deviation": deviation,
             "followed": ca.log(followed),
         }
 
@@ -139,7 +147,7 @@ class ContactStiffness:
         products = [row[i] * row[j] for i in range(4) for j in range(i, 4)]
         kept = math.exp(-self.period / self.memory)
         sums = ca.if_else(news, kept * state["sums"] + ca.vertcat(*products), state["sums"])
-        k, deviation = self._solved(sums)
+        k, deviation = self._solved(sums, *ca.vertsplit(state["prior"]))
         decided = ca.logic_and(news, ca.logic_and(k > 0, deviation < DECIDED * k))
         found = ca.if_else(decided, ca.fmin(ca.fmax(k, self.low), self.high), state["found"])
         most = self.rate * self.period
@@ -147,12 +155,13 @@ class ContactStiffness:
         return {
             "sums": sums,
             "slow": slow + (1 - kept) * (force - slow),
+            "prior": state["prior"],
             "found": found,
             "deviation": ca.if_else(decided, deviation, state["deviation"]),
             "followed": state["followed"] + ca.fmin(ca.fmax(way, -most), most),
         }
 
-    def _solved(self, sums: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def _solved(self, sums: ca.SX, k_0: ca.SX, s_k: ca.SX) -> tuple[ca.SX, ca.SX]:
         """k and its standard deviation [N/m].
 
         The noise is that of the sensor, or what the fit leaves if that is more: a contact that is
@@ -162,13 +171,13 @@ class ContactStiffness:
         n = ca.fmax(n, 1.0)
         xx, xv, xf = xx - x * x / n, xv - x * v / n, xf - x * f / n
         vv, vf, ff = vv - v * v / n, vf - v * f / n, ff - f * f / n
-        of_k = (self.noise / self.undecided) ** 2
+        of_k = (self.noise / s_k) ** 2
         of_d = (self.noise / max(self.damping, _LEAST_DAMPING * self.declared)) ** 2
         xx, vv = xx + of_k, vv + of_d
-        a, b = xf + of_k * self.declared, vf + of_d * self.damping
+        a, b = xf + of_k * k_0, vf + of_d * self.damping
         determinant = xx * vv - xv * xv
         k, d = (vv * a - xv * b) / determinant, (xx * b - xv * a) / determinant
-        ff += of_k * self.declared**2 + of_d * self.damping**2
+        ff += of_k * k_0**2 + of_d * self.damping**2
         left = ca.fmax(ff - k * a - d * b, 0) / n
         return k, ca.sqrt(ca.fmax(left, self.noise**2) * vv / determinant)
 

@@ -150,12 +150,12 @@ LAW: Fields = (("error", 6), ("force_ref", 6))
 #: what was commanded there; all in world axes. Last the angle of a mechanism that the
 #: stage kept track of, and whether the next one keeps track of the same; what a frame that tracks
 #: the force or the motion has in its memory (track), and which of these (tracks, 0 for none). By
-#: axis the stiffness that was estimated, that which gains followed, and the number of the object
-#: that it is of, 0 for none.
+#: axis the stiffness that was estimated, its standard deviation, that which gains followed, and the
+#: number of the object that it is of, 0 for none.
 HANDED: Fields = (
     *(("p", 3), ("R", 9), ("twist", 6), ("held", 6), ("commanded", 6)),
     *(("angle", 1), ("same", 1), ("track", 9), ("tracks", 1)),
-    *(("stiffness", 6), ("stiffness_followed", 6), ("stiffness_of", 6)),
+    *ESTIMATE,
 )
 
 

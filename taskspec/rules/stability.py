@@ -137,7 +137,7 @@ _STEADY, _DOUBLINGS = 1e-3, 5.0
     },
     also=("TS307",),
     phase=Phase.STABILITY,
-    predicts=("TS501", "TS502", "TS505", "TS506", "TS507", "TS515", "TS516"),
+    predicts=("TS501", "TS502", "TS505", "TS506", "TS507"),
 )
 def unstable_stages(task: TaskPlan) -> Iterator[Finding]:
     """Stages that are predicted to be unstable or to ring, each way of control once."""

@@ -10,13 +10,13 @@ from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.contact_stiffness import STATE
 from taskspec.program.operators import choice
 from taskspec.program.plan import StagePlan
-from taskspec.program.ports import ESTIMATE
+from taskspec.program.ports import ESTIMATE, ESTIMATED
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.sensor import SensorModel
 from taskspec.program.signals import applied
 
 #: The parameters that carry what earlier stages have estimated through one that does not.
-_CARRIED = ("stiffness", "stiffness_followed", "stiffness_of")
+_CARRIED = tuple(name for name, _ in ESTIMATE)
 
 
 def slot(name: str, axis: Axis) -> str:
@@ -131,11 +131,11 @@ class EstimatedStiffness:
         if not self._task.estimates:
             return ca.SX(0, 1)
         parameters, rows = self._measurement.parameters, {}
-        for name, size in ESTIMATE:
-            carried = f"carried.{name}"
-            rows[name] = ca.SX.nan(size)
-            if carried in parameters:
-                rows[name] = ca.SX(parameters.symbol(carried))
+        for name in _CARRIED:
+            rows[name] = ca.SX(parameters.symbol(f"carried.{name}"))
+        nobody = rows["stiffness_of"] == 0
+        for name in ESTIMATED.values():
+            rows[name] = ca.if_else(nobody, ca.SX.nan(6), rows[name])
         for axis, state in self._state.items():
             i = AXES.index(axis)
             rows["stiffness"][i] = state["found"]
@@ -162,7 +162,8 @@ class EstimatedStiffness:
                        ca.SX(each.declared))
                 for name in ("stiffness", "stiffness_followed")
             )  # fmt: skip
-            state = each.begun(found, followed)
+            deviation = choice(same, handed["stiffness_deviation"][i], ca.SX(each.undecided))
+            state = each.begun(found, deviation, followed)
             memory |= {slot(name, axis): value for name, value in state.items()}
         parameters = {f"carried.{name}": handed[name] for name in _CARRIED}
         return memory, parameters
