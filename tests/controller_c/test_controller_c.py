@@ -26,7 +26,7 @@ STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-f
 _CHECKED = "-fsanitize=address,undefined,float-cast-overflow"
 SANITIZED = ("-g", _CHECKED, "-fno-sanitize-recover=all")
 #: A frame that is estimated and a sensor's zero; limits that collide; coordinates chosen again.
-TASKS = ("unknown-normal", "reach-limits", "ring")
+TASKS = ("unknown-normal", "reach-limits", "ring", "estimate")
 RUNNING, DONE, STOPPED, BAD_SAMPLE, BAD_STAMP, LOST, NOT_STARTED = 0, 1, 3, 8, 9, 10, 11
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc")

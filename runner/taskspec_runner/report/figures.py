@@ -55,6 +55,7 @@ def sections(run: Run) -> tuple[Section, ...]:
     contact.add(_mechanisms(run, "torque", "Moment on the mechanism, about its axis"))
     contact.add(_mechanisms(run, "force", "Force on the mechanism, along its axis"))
     contact.add(_settling(run))
+    contact.add(_estimates(run))
     contact.add(_inconsistent(run))
     contact.add(_wrench(run, "force", LINEAR, "All forces"))
     contact.add(_wrench(run, "torque", ANGULAR, "Moments"))
@@ -298,6 +299,17 @@ def _power(run: Run) -> Chart | None:
     energy = 0.0 if power is None else float(np.nansum(power) * run.period)
     note = f"into the environment; {' '.join(quantity(energy, 'J'))} in all"
     return of_signals(run, "power", "Power", [Drawn("power", "j3", continuous=True)], note)
+
+
+def _estimates(run: Run) -> Chart | None:
+    """The stiffness that is estimated along each axis, and that which gains are those for."""
+    lines = [
+        Drawn(f"estimate.{name}.{axis}", _ROLES[axis], style, label=f"{axis}{said}")
+        for axis in LINEAR
+        for name, style, said in (("stiffness", "line", ""), ("followed", "reference", ", gains"))
+    ]
+    note = "dashed: what designed gains are those for"
+    return of_signals(run, "estimate.stiffness", "Estimated stiffness of the contact", lines, note)
 
 
 #: The energies of a law, and the terms that change what it stores, with their colours.

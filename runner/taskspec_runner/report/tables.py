@@ -14,7 +14,7 @@ from taskspec_runner.pages.timeline import tints
 from taskspec_runner.record.folder import Json, mapping, number
 from taskspec_runner.report.rest_levels import rest_value
 from taskspec_runner.runs import Run
-from taskspec_runner.verdict import drift, energy, torque_steps
+from taskspec_runner.verdict import drift, energy, estimated, torque_steps
 from taskspec_runner.verdict.limit_effects import sentences
 from taskspec_runner.verdict.protected import sentences as near
 
@@ -157,6 +157,7 @@ def given_up(run: Run) -> list[str]:
             *torque_steps.sentences(run.summary),
             *drift.sentences(run.summary),
             *energy.sentences(run.summary),
+            *estimated.sentences(run.summary),
             *near(run.summary),
         ]
     except (AttributeError, KeyError, TypeError, ValueError):

@@ -90,6 +90,10 @@ def _of_law(plan: TaskPlan) -> Iterator[Reason]:
     laws = [(FILE.law, task.law)]
     laws += [(FILE.stages[n].law, s.law) for n, s in task.stages.items() if s.law is not None]
     for place, law in laws:
+        if law.estimate is not None:
+            yield Reason(
+                place.estimate, "gains of the law follow an estimate: those of force_mode are fixed"
+            )
         if law.varying:
             yield Reason(place, "gains of the law vary: those of force_mode and servoj are fixed")
         elif any(on in PAIRS for entries in law.by_entry.values() for on in entries):

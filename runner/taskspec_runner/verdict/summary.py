@@ -30,6 +30,7 @@ from taskspec_runner.record.history import History
 from taskspec_runner.verdict.diagnosed import diagnosed
 from taskspec_runner.verdict.drift import drift
 from taskspec_runner.verdict.energy import energy_block
+from taskspec_runner.verdict.estimated import estimated
 from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.performance import performance
@@ -139,6 +140,7 @@ def summarise(
         "findings": [each.as_data() for each in found],
         **protected(program, history, context.period),
         **drift(program, history),
+        **estimated(program, history),
         **energy_block(program, history, world.task),
         **performance(program, history, judged, simulated.solver_counts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},
