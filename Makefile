@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
 .PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check identify-worlds robosuite cell-presses
-.PHONY: clean bounds energies interface tune-worlds insertion peg-policy
+.PHONY: clean bounds energies estimates interface tune-worlds insertion peg-policy
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -23,6 +23,9 @@ bounds: $(READY)  ## 200 random presses under the PID regulator, and the bound o
 
 energies: $(READY)  ## 200 random motions under PD, 200 presses and 200 stiffnesses that swing, and their energies
 	$(BIN)/pytest tests/theory/test_theory_energies.py --random-presses=200
+
+estimates: $(READY)  ## 200 random presses on contacts that are up to ten times softer or stiffer than declared
+	$(BIN)/pytest tests/theory/test_theory_estimates.py --random-presses=200
 
 proof: $(READY)  ## 1000 random tasks with random limits, and how near to them each came
 	$(BIN)/pytest tests/runner/test_runner_qp_random.py --random-tasks=1000
