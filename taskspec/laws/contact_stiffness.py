@@ -7,15 +7,16 @@ Along one axis a contact returns what a spring and a damper do,
 with the force f that the robot applies, the coordinate x of its tool, and c of a rest position that
 nobody knows. Least squares that forget by lambda = exp(-T / memory) a period minimise
 
-    sum lambda^(n-i) (f_i - k x_i - d x'_i - c)^2 / sigma^2 + (k - k_0)^2 / s_k^2 + (d - d_0)^2 / s_d^2
+    sum lambda^(n-i) (f_i - k x_i - d x'_i - c)^2 / sigma^2
+        + (k - k_0)^2 / s_k^2 + (d - d_0)^2 / s_d^2
 
 (contact impedance by recursive least squares: Love and Book, 1995; Diolaiti, Melchiorri and
-Stramigioli, 2005). k_0, d_0 are what the file declares, s_k the greater bound; on an object that has
-been pressed before, k_0 is what was found there and s_k its standard deviation, a tenth of it at
-least. The sums of the first part are recursive,
-S <- lambda S + (1, x, x', f)(1, x, x', f)^T, and the second never forgets, so that what nothing
-excites has the covariance of the file and no more: nothing winds up (stabilised forgetting, Kulhavy
-and Zarrop, 1993). c falls out with the means.
+Stramigioli, 2005). k_0, d_0 are what the file declares, s_k the greater bound; on an object that
+has been pressed before, k_0 is what was found there and s_k its standard deviation, a tenth of it
+at least. The sums of the first part are recursive, S <- lambda S + (1, x, x', f)(1, x, x', f)^T,
+and the second never forgets, so that what nothing excites has the covariance that it began with and
+no more: nothing winds up (stabilised forgetting, Kulhavy and Zarrop, 1993).
+c falls out with the means.
 
 The sums stand still, and forget nothing, while the force does not change: they take a tick in which
 f is outside of the dead zone, and as far from its own low-pass with the time constant `memory`.
@@ -29,6 +30,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -201,7 +203,7 @@ class Schedule:
             return None
         at = [(math.log(k), math.log(gains[k])) for k in sorted(gains)]
         kept = [at[0]]
-        for here, after in zip(at[1:], at[2:], strict=False):
+        for here, after in pairwise(at[1:]):
             before = kept[-1]
             slopes = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in ((before, here), (here, after))]
             if abs(slopes[1] - slopes[0]) > _ALIKE:

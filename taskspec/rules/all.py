@@ -46,6 +46,7 @@ __all__ = [
     "bushings",
     "contacts",
     "equations",
+    "estimates",
     "expectations",
     "faults",
     "feasibility",

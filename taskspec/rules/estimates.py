@@ -28,9 +28,10 @@ def stiffness_estimates(stage: StagePlan) -> Iterator[Finding]:
     forces = [a for a, plan in stage.plans.items() if plan.force and not a.is_rotation]
     if forces and not estimates.named:
         names = " and ".join(stage.law.control_law.follows)
-        text = f"no gain of {forces[0]!r} follows the stiffness that is estimated: {names} are given"
-        yield error("TS139", text, place, f"leave one of them out, or the estimate; {names} would follow",
-                    unless=("TS139",))  # fmt: skip
+        text = f"no gain of {forces[0]!r} follows the stiffness that is estimated: "
+        text += f"{names} are given"
+        hint = f"leave one of them out, or the estimate; {names} would follow"
+        yield error("TS139", text, place, hint, unless=("TS139",))
         return
     for axis in estimates.named:
         where = FILE.stages[stage.name].axes[axis].force
@@ -45,8 +46,8 @@ def stiffness_estimates(stage: StagePlan) -> Iterator[Finding]:
             bounds = f"{scaled(low, STIFFNESS, 3)} to {scaled(high, STIFFNESS, 3)}"
             yield warning(
                 "TS347",
-                f"{name!r} is declared with {scaled(k, STIFFNESS, 3)}, outside of the {bounds} within "
-                "which its stiffness is estimated: gains begin with those of the nearer end",
+                f"{name!r} is declared with {scaled(k, STIFFNESS, 3)}, outside of the {bounds} "
+                "within which its stiffness is estimated: gains begin with those of the nearer end",
                 place,
                 "let the bounds hold the declared stiffness too",
                 unless=("TS347",),

@@ -258,14 +258,14 @@ def _until_estimated(
         return
     holds = [k for k, rate in zip(on_way, rates, strict=True) if rate < LEAST_GROWTH]
     least = holds[0] if holds else end
+    begins, there = (scaled(k, STIFFNESS, 3) for k in (each.declared, end))
     yield warning(
         "TS516",
-        f"stage {analysed.stage.name!r} begins with gains for {scaled(each.declared, STIFFNESS, 3)}: "
-        f"on a contact of {scaled(end, STIFFNESS, 3)} a swing grows {number(math.exp(grown), 2)}-fold "
-        "before its gains are those for that",
+        f"stage {analysed.stage.name!r} begins with gains for {begins}: on a contact of {there} a "
+        f"swing grows {number(math.exp(grown), 2)}-fold before its gains are those for that",
         place,
-        f"declare the stiffest contact that there may be, of at least {scaled(least, STIFFNESS, 3)}; "
-        "the gains for it hold on a softer one",
+        "declare the stiffest contact that there may be, of at least "
+        f"{scaled(least, STIFFNESS, 3)}; the gains for it hold on a softer one",
     )
 
 

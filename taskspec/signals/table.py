@@ -16,8 +16,8 @@ from taskspec.text.units import NUMBER, Dimension
 class Index(StrEnum):
     """What the members of an entry differ by: an axis, a joint, an object of the world, a stage.
 
-    Those of a gain differ by the entry of its matrix, those of an estimate by its axis. A single signal has one member, and so have a
-    clock and a figure of the link to a plant that is elsewhere.
+    Those of a gain differ by the entry of its matrix, those of an estimate by the axis. A single
+    signal has one member, and so have a clock and a figure of the link to a plant elsewhere.
     """
 
     SINGLE = "single"

@@ -169,7 +169,8 @@ class SampledStage:
 
     def on(self, stiffness: float) -> Task:
         """The true world with this stiffness of every contact that it estimates [N/m]."""
-        plan, values = self.stage.plan, {}
+        plan = self.stage.plan
+        values: dict[tuple[str, int | None], float] = {}
         for axis, each in plan.estimates.axes.items():
             name = plan.contacts.of(axis)
             assert name is not None

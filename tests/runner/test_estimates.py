@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controller_samples import ESTIMATE
 
+from controller_samples import ESTIMATE
 from taskspec.laws.contact_stiffness import Schedule
+from taskspec.planning import plan_task
 from taskspec.spec import load_task, load_text
 from taskspec_runner import run
+from taskspec_runner.urscript.refusals import reasons
 
 TASKS = Path(__file__).resolve().parents[2] / "tasks"
 
@@ -58,7 +60,7 @@ def test_two_pads_that_are_ten_times_off_either_way(tmp_path):
     assert "estimates" not in made.summary
 
 
-def test_a_force_that_never_changes_tells_nothing(tmp_path, simulate):
+def test_a_force_that_never_changes_tells_nothing(tmp_path):
     """From the start pressed as it will be: the declared stiffness stays, and the run says so."""
     text = ESTIMATE.replace("dead_zone: 0.3 N", "dead_zone: 20 N")
     made = run(load_text(text, "touch.yaml"), tmp_path, report=False)
@@ -76,10 +78,7 @@ def test_lines_of_a_schedule_go_through_its_knots_and_powers_need_two():
     assert Schedule.of({1e3: 0.0, 2e3: 2.0}) is None
 
 
-def test_urscript_has_no_gains_that_follow(tmp_path):
-    from taskspec.planning import plan_task
-    from taskspec_runner.urscript.refusals import reasons
-
+def test_urscript_has_no_gains_that_follow():
     loaded = load_task(TASKS / "press-unknown-pads.yaml")
     texts = [each.text for each in reasons(plan_task(loaded))]
     assert any("follow an estimate" in text for text in texts)

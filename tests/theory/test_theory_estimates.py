@@ -123,10 +123,7 @@ def test_torques_are_those_of_the_equation_at_the_gains_of_each_tick(simulate):
     for row in range(len(columns["force"]) - 1):
         missing = made["force.x.ref"][row] - columns["force"][row]
         wound += i[row] * T * missing
-        q, v = (
-            np.array([made[f"joint.{n}.{what}"][row] for n in (1, 2)])
-            for what in ("position", "velocity")
-        )
+        q = np.array([made[f"joint.{n}.position"][row] for n in (1, 2)])
         J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:2]
         g = pin.computeGeneralizedGravity(model, data, q)
         e = np.array([made["error.x"][row], made["error.y"][row]])
@@ -186,21 +183,20 @@ def random_press(rng):
         more=f"sensor: {{noise: {noise:.3g} mN}}" + (", command: velocity" if servo else ""),
         rest=f"truth: {{world.plane.stiffness: {true:.5g} N/m}}\n",
     )
-    return text.replace("force: -(", "force: -1 * ("), law, true
+    return text.replace("force: -(", "force: -1 * ("), true
 
 
 def test_bounds_rates_and_convergence_of_random_presses(tmp_path, request, prediction):
     """No estimate leaves its bounds, none moves faster, and each comes to the true stiffness.
 
-    Within 5 % from the tick on that the force has changed by twelve dead zones, beyond those that
-    make it count at all: rest of the prior, and of the damper. What gains follow is there after
-    `settling` at most.
+    Within 5 % before the force has changed by 50 dead zones, of which the damper of the contact
+    takes most: 31 were measured in 40 presses. What gains follow is there after `settling`.
     """
     count = request.config.getoption("random_presses")
     rng, seen, within, slow, near, quick = np.random.default_rng(484), 0, 0, 0, 0, 0
     errors, swings, times = [], [], []
     for number in range(count):
-        text, law, true = random_press(rng)
+        text, true = random_press(rng)
         made = run(load_text(text, "task.yaml"), tmp_path / str(number), force=True, report=False)
         _, _, each, columns = estimated(made)
         seen += 1
@@ -213,15 +209,12 @@ def test_bounds_rates_and_convergence_of_random_presses(tmp_path, request, predi
         last = int(np.flatnonzero(off)[-1]) + 1 if off.any() else 0
         errors.append(abs(found[-1] / true - 1))
         swings.append(float(np.ptp(columns["force"][: last + 1])) / each.dead_zone)
-        near += bool(errors[-1] < 0.05 and (last == 0 or last < len(found) - 1))
+        near += bool(errors[-1] < 0.05 and swings[-1] < 50)
         off = np.abs(np.log(followed / true)) > np.log(1.05)
         there = int(np.flatnonzero(off)[-1]) + 1 if off.any() else 0
         times.append((there - last) * T)
         quick += bool(times[-1] <= each.settling)
-        if not (errors[-1] < 0.05 and times[-1] <= each.settling):
-            print(number, law, true, each.declared, errors[-1], last, there)
     assert seen == count > 0
-    print("largest error", max(errors), "swings", sorted(swings)[-5:], "times", max(times))
     case = f"{count} random presses of three arms and seven laws, up to 10 x off"
     for what, got in (
         ("within the bounds of the file", within),

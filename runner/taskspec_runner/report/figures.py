@@ -304,7 +304,7 @@ def _power(run: Run) -> Chart | None:
 def _estimates(run: Run) -> Chart | None:
     """The stiffness that is estimated along each axis, and that which gains are those for."""
     lines = [
-        Drawn(f"estimate.{name}.{axis}", _ROLES[axis], style, label=f"{axis}{said}")
+        Drawn(f"estimate.{name}.{axis}", _ROLES[axis], f"{axis}{said}", style)
         for axis in LINEAR
         for name, style, said in (("stiffness", "line", ""), ("followed", "reference", ", gains"))
     ]

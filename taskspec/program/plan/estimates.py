@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 
 from taskspec.geometry.axis import Axis
 from taskspec.laws.contact_stiffness import ContactStiffness, Schedule, knots, schedules
@@ -110,7 +110,7 @@ class StageEstimates:
         """How the gains of an axis follow the stiffness there."""
         return {
             axis: schedules(
-                lambda k, axis=axis: self._designed(axis, k),
+                partial(self._designed, axis),
                 knots(each.low, each.high, [each.declared]),
                 self.named[axis],
             )

@@ -23,7 +23,7 @@ from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.joint_reference import TIMING, joint_start
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.slots import Slots, gain_slot
-from taskspec.program.stages.estimated_stiffness import EstimatedStiffness, slot
+from taskspec.program.stages.estimated_stiffness import EstimatedStiffness, estimate_slot
 from taskspec.program.world import estimated_frames, tracked_frames
 from taskspec.program.world.moving_base import BaseMotion
 
@@ -406,13 +406,11 @@ class Entering:
                 self._remember(slot, 0.0)
 
 
-def _at_entry(
-    gains: Gains, estimated: EstimatedStiffness, begun: Mapping[str, ca.SX]
-) -> Gains:
+def _at_entry(gains: Gains, estimated: EstimatedStiffness, begun: Mapping[str, ca.SX]) -> Gains:
     """The gains with those that follow an estimate as they are when it begins."""
     found = {name: {**by_axis} for name, by_axis in gains.items()}
     for axis in estimated.axes:
-        at, first = estimated.followed(axis), begun[slot("followed", axis)]
+        at, first = estimated.followed(axis), begun[estimate_slot("followed", axis)]
         for by_axis in found.values():
             gain = by_axis.get(axis)
             if gain is not None and isinstance(gain.value, ca.SX):

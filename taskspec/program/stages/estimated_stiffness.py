@@ -19,7 +19,7 @@ from taskspec.program.signals import applied
 _CARRIED = tuple(name for name, _ in ESTIMATE)
 
 
-def slot(name: str, axis: Axis) -> str:
+def estimate_slot(name: str, axis: Axis) -> str:
     """The slot of the memory with a part of the state of an axis."""
     return f"estimate.{name}.{axis}"
 
@@ -37,14 +37,16 @@ class EstimatedStiffness:
         self._line = SensorModel(sensor.delay_ticks, 1, sensor.pole)
         memory = measurement.memory
         self._state = {
-            axis: {name: memory.add(slot(name, axis), size) for name, size in STATE.items()}
+            axis: {
+                name: memory.add(estimate_slot(name, axis), size) for name, size in STATE.items()
+            }
             for axis in plan.estimates.axes
         }
         for axis in self._state:
             if self._line.order:
-                memory.add(slot("line", axis), 2 * self._line.order)
+                memory.add(estimate_slot("line", axis), 2 * self._line.order)
             if self._holds:
-                memory.add(slot("read", axis))
+                memory.add(estimate_slot("read", axis))
         if self._task.estimates:
             for name in _CARRIED:
                 measurement.parameters.add(f"carried.{name}", 6)
@@ -82,7 +84,7 @@ class EstimatedStiffness:
             taken = ca.vertcat(position[axis] - step * rate, rate)
             found = {}
             if self._line.order:
-                line = ca.reshape(memory.symbol(slot("line", axis)), 2, self._line.order)
+                line = ca.reshape(memory.symbol(estimate_slot("line", axis)), 2, self._line.order)
                 # It begins with what is there at the first tick.
                 begun = ca.repmat(taken, 1, self._line.order)
                 line = ca.if_else(first, begun, line)
@@ -90,13 +92,13 @@ class EstimatedStiffness:
                 found["line"] = ca.vec(kept)
             fresh = ca.SX(1)
             if self._holds:
-                fresh = force != memory.symbol(slot("read", axis))
+                fresh = force != memory.symbol(estimate_slot("read", axis))
                 found["read"] = force
             estimate = self._plan.estimates.axes[axis]
             found |= estimate.step(state, force, taken[0], taken[1], first=first, fresh=fresh)
             for name, value in found.items():
-                before = memory.symbol(slot(name, axis))
-                updates[slot(name, axis)] = ca.vertcat(
+                before = memory.symbol(estimate_slot(name, axis))
+                updates[estimate_slot(name, axis)] = ca.vertcat(
                     *(
                         choice(frozen, old, new)
                         for old, new in zip(
@@ -120,9 +122,11 @@ class EstimatedStiffness:
         """
         found = {}
         for axis, gain in gains.items():
-            name = f"integral.{axis}"
+            name, next_at = f"integral.{axis}", estimate_slot("followed", axis)
             if name in integrals:
-                after = ca.substitute(gain, self.followed(axis), updates[slot("followed", axis)])
+                after = ca.substitute(
+                    gain, self.followed(axis), updates[estimate_slot("followed", axis)]
+                )
                 found[name] = integrals[name] * gain / after
         return found
 
@@ -164,6 +168,6 @@ class EstimatedStiffness:
             )  # fmt: skip
             deviation = choice(same, handed["stiffness_deviation"][i], ca.SX(each.undecided))
             state = each.begun(found, deviation, followed)
-            memory |= {slot(name, axis): value for name, value in state.items()}
+            memory |= {estimate_slot(name, axis): value for name, value in state.items()}
         parameters = {f"carried.{name}": handed[name] for name in _CARRIED}
         return memory, parameters

@@ -179,10 +179,11 @@ def _estimates(
     """The memory of what a stage estimates, and of integrals whose gains follow that."""
     parameters = measurement.parameters
     found = estimated.updates(parameters.symbol(FROZEN) if FROZEN in parameters else None)
+    integral = gains.get("force.integral", {})
     following = {
-        axis: gain.value
-        for axis, gain in gains.get("force.integral", {}).items()
-        if axis in estimated.axes and isinstance(gain.value, ca.SX)
+        axis: ca.SX(integral[axis].value)
+        for axis in estimated.axes
+        if axis in integral and isinstance(integral[axis].value, ca.SX)
     }
     return found | estimated.rescaled(updates, found, following)
 
