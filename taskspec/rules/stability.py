@@ -258,10 +258,10 @@ def _until_estimated(
         return
     holds = [k for k, rate in zip(on_way, rates, strict=True) if rate < LEAST_GROWTH]
     least = holds[0] if holds else end
-    begins, there = (scaled(k, STIFFNESS, 3) for k in (each.declared, end))
+    first, last = (scaled(k, STIFFNESS, 3) for k in (each.declared, end))
     yield warning(
         "TS516",
-        f"stage {analysed.stage.name!r} begins with gains for {begins}: on a contact of {there} a "
+        f"stage {analysed.stage.name!r} begins with gains for {first}: on a contact of {last} a "
         f"swing grows {number(math.exp(grown), 2)}-fold before its gains are those for that",
         place,
         "declare the stiffest contact that there may be, of at least "

@@ -122,11 +122,9 @@ class EstimatedStiffness:
         """
         found = {}
         for axis, gain in gains.items():
-            name, next_at = f"integral.{axis}", estimate_slot("followed", axis)
+            name, followed = f"integral.{axis}", estimate_slot("followed", axis)
             if name in integrals:
-                after = ca.substitute(
-                    gain, self.followed(axis), updates[estimate_slot("followed", axis)]
-                )
+                after = ca.substitute(gain, self.followed(axis), updates[followed])
                 found[name] = integrals[name] * gain / after
         return found
 
