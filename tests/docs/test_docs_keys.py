@@ -20,7 +20,7 @@ from taskspec.spec.frame import Frame
 from taskspec.spec.gains import GainField
 from taskspec.spec.joint_expressions import JointExpressions
 from taskspec.spec.joint_targets import JointTargets
-from taskspec.spec.law import ForceGains
+from taskspec.spec.law import ForceGains, StiffnessEstimate
 from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import (
     AngularDetent,
@@ -46,6 +46,7 @@ from taskspec.spec.quantities import (
     ForJoints,
     Formula,
     IntervalAroundZero,
+    PositiveInterval,
     QuantityList,
 )
 from taskspec.spec.reward import Reward
@@ -87,6 +88,7 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "path": (Path,),
     "law": (Law,),
     "law.force": (ForceGains,),
+    "law.estimate": (StiffnessEstimate,),
     "limits": (Limits,),
     "control": (Control,),
     "payload": (Payload,),
@@ -112,6 +114,7 @@ def kinds(annotation: object) -> Iterator[object]:
             | Formula
             | Followed
             | IntervalAroundZero
+            | PositiveInterval
             | SixBySix,
         ):
             yield part
@@ -144,7 +147,7 @@ def units_needed(model: type[Model], key: str) -> set[object]:
             found.update({kind.dimension, kind.other})
         elif isinstance(kind, QuantityList):
             found.update({kind.dimension, kind.other} - {None})
-        elif isinstance(kind, Constant | ForJoints | IntervalAroundZero):
+        elif isinstance(kind, Constant | ForJoints | IntervalAroundZero | PositiveInterval):
             found.add(kind.dimension)
         elif isinstance(kind, Entries):
             found.update(kind.dimensions)
