@@ -172,7 +172,7 @@ def _not_of_law(stage: StagePlan, path: tuple[str, ...]) -> str | None:
     if ".".join(path) in ENERGY:
         return _no_energy(stage, ".".join(path))
     name, on = ".".join(path[1:-1]), path[-1]
-    varies = (name, on) in stage.law.varying
+    varies = (name, on) in stage.varying
     return None if varies else f"the {name} of stage {stage.name!r} does not vary on {on!r}"
 
 
