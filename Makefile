@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
 .PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check identify-worlds robosuite cell-presses
-.PHONY: clean bounds energies payloads robust layers interface tune-worlds insertion peg-policy
+.PHONY: clean bounds energies estimates payloads robust layers interface tune-worlds insertion peg-policy
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -32,6 +32,9 @@ layers: $(READY)  ## what a boundary layer costs: errors and torques over layers
 
 payloads: $(READY)  ## 200 random payloads on random arms under random laws that adapt to them
 	$(BIN)/pytest tests/theory/test_theory_payload.py --random-presses=2000
+
+estimates: $(READY)  ## 200 random presses on contacts that are up to ten times softer or stiffer than declared
+	$(BIN)/pytest tests/theory/test_theory_estimates.py --random-presses=200
 
 proof: $(READY)  ## 1000 random tasks with random limits, and how near to them each came
 	$(BIN)/pytest tests/runner/test_runner_qp_random.py --random-tasks=1000

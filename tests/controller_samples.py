@@ -72,6 +72,21 @@ LIVE = (
         "stages:",
     )
 )
+#: The same on a wall that is four times as stiff as declared, which is estimated in two stages.
+ESTIMATE = (
+    TOUCH.replace("touch", "touch-estimate", 1)
+    .replace("filter: 200 Hz", "filter: 200 Hz, rate: 500 Hz")
+    .replace(
+        "stages:",
+        "truth: {world.wall.stiffness: 40 kN/m}\n"
+        "law: {kind: parallel, estimate: {stiffness: 1..100 kN/m, dead_zone: 0.3 N}}\nstages:",
+    )
+    .replace(
+        "expect:",
+        "  on:\n    axes: {x: {force: 8 N + 2 N * sin(2*pi*t/(0.2 s))}, y: {move: 5 mm}}\n"
+        "    time: 0.6 s\nexpect:",
+    )
+)
 #: What is set in its runs, some of it before the first tick.
 MOVES = (
     *("push = 4 N @ 0 s", "sway = 3 mm @ 0 s", "sway = 7 mm @ 31 ms"),
@@ -85,6 +100,8 @@ def program(name: str) -> Program:
         return compile_unchecked(load_text(LIVE, "touch.yaml"))
     if name == "robust":
         return compile_unchecked(load_text(ROBUST, "touch.yaml"))
+    if name == "estimate":
+        return compile_unchecked(load_text(ESTIMATE, "touch.yaml"))
     if name in SERVOS:
         return compile_unchecked(load_text(SERVOS[name], "touch.yaml"))
     return compile_task(load_task(TASKS / f"{name}.yaml"))

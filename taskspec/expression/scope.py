@@ -16,7 +16,8 @@ from taskspec.signals.table import REFERENCE
 from taskspec.text.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 
 Kind = Literal["param", "constant", "clock", "signal", "condition", "vector", "joint", "object",
-               "visits", "coordinate", "link", "gain", "energy", "grip", "tank"]  # fmt: skip
+               "visits", "coordinate", "link", "gain", "energy", "grip", "tank",
+               "estimate"]  # fmt: skip
 
 COORDINATES: dict[str, Dimension] = {axis: ANGLE if axis.is_rotation else LENGTH for axis in AXES}
 """Coordinates of the tool tip, for equations; joints are q1, q2 and so on."""
@@ -181,5 +182,6 @@ _KINDS: dict[Index, Kind] = {
     Index.ENERGY: "energy",
     Index.GRIP: "grip",
     Index.TANK: "tank",
+    Index.ESTIMATE: "estimate",
     Index.OBJECT: "object",
 }

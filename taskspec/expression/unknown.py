@@ -219,6 +219,7 @@ _FAMILIES = {
         tuple(name.partition(".")[2] for name in signals.PAYLOAD),
         "nothing of a payload is called",
     ),
+    str(signals.Index.ESTIMATE): (tuple(f"{n}.z" for n in signals.ESTIMATE), "no law estimates"),
     str(signals.Index.GAIN): (tuple(f"{name}.z" for name in signals.GAIN), "there is no gain"),
 }
 

@@ -48,6 +48,7 @@ class Admittance(ControlLaw):
     dual = "hybrid"
     following: ClassVar[Mapping[str, Mapping[str, float]]] = {"damping": {"mass": 1}}
     force_loop = True
+    follows = ("mass", "damping")
     selects = True
     rest = "K e of the soft axis"
     storage = "1/2 e'^T M e' + 1/2 e^T K e of force and soft axes"

@@ -44,6 +44,7 @@ class ForceVelocity(ControlLaw):
         "force.damping": {"force.integral": -1}
     }
     force_loop = True
+    follows = ("force.damping", "force.integral")
     selects = True
     axis_springs = False
 

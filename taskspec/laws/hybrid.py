@@ -50,6 +50,7 @@ class Hybrid(ControlLaw):
     derived = (K_P, K_D, STIFFNESS, DAMPING, FORCE_MASS, SLIDING_LAYER, SLIDING_GAIN)
     mechanism_form = True
     force_loop = True
+    follows = ("force.damping", "force.integral")
     selects = True
     rest = "K e of the soft axis"
 

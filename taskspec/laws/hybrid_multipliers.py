@@ -38,6 +38,7 @@ class HybridMultipliers(ControlLaw):
     derived = (K_P, K_D)
     mechanism_form = True
     force_loop = True
+    follows = ("force.damping", "force.integral")
     multipliers = True
     selects = True
     axis_springs = False

@@ -37,6 +37,7 @@ class HybridReaction(ControlLaw):
     derived = (K_P, K_D)
     mechanism_form = True
     force_loop = True
+    follows = ("force.damping",)
     multipliers = True
     selects = True
     axis_springs = False

@@ -54,6 +54,8 @@ class ControlLaw(ABC):
         solve: how its command becomes that of the joints, where a file does not say it.
         following: designed gains that change with another gain of their axis, by the other and by
             themselves, with their power of it.
+        follows: designed gains of a force axis that may follow the contact's stiffness as it is
+            estimated; see `laws.contact_stiffness`.
         dual: the law that does the same on arms that take what this one does not command.
     """
 
@@ -79,6 +81,7 @@ class ControlLaw(ABC):
     commands: ClassVar[str] = "torque"
     solve: ClassVar[Solve] = "closed-form"
     following: ClassVar[Mapping[str, Mapping[str, float]]] = {}
+    follows: ClassVar[tuple[str, ...]] = ()
     dual: ClassVar[str] = "admittance"
 
     @abstractmethod
@@ -110,6 +113,7 @@ class ControlLaw(ABC):
         """
         return self.commands == "torque" and not (self.bare or self.multipliers)
 
+    @property
     def compensates(self) -> bool:
         """Whether weight and inertia of the arm's model are in its torques."""
         return self.commands == "torque" and not self.bare

@@ -49,6 +49,7 @@ class Parallel(ControlLaw):
     )
     mechanism_form = True
     force_loop = True
+    follows = ("damping", "force.integral")
     shares = True
     rest = "(4.15), (4.24)"
     storage = "1/2 e'^T H_m e' + 1/2 e^T K_m e"

@@ -70,6 +70,19 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
+#: What a stage has of the stiffness that it, or one before it, has estimated along each axis.
+ESTIMATE: Fields = (
+    *(("stiffness", 6), ("stiffness_deviation", 6), ("stiffness_followed", 6)),
+    ("stiffness_of", 6),
+)
+#: The signals that are among these.
+ESTIMATED = {
+    "stiffness": "stiffness",
+    "deviation": "stiffness_deviation",
+    "followed": "stiffness_followed",
+}
+
+
 def fields(equations: int, followed: int = 0, more: Fields = ()) -> Fields:
     """The outputs of a task's stages; last are those that not every task has.
 
@@ -93,7 +106,8 @@ def optional(task: Task, joints: int) -> Fields:
     """Outputs that not every task has, in their order.
 
     Gains that vary, params that may be set, joints whose disturbance is estimated, an energy tank,
-    a payload that laws adapt to; command and load of the gripper.
+    a payload that laws adapt to; command and load of the gripper; stiffness
+    that is estimated.
     """
     found = (
         ("gain", len(task.varying_gains)),
@@ -102,6 +116,7 @@ def optional(task: Task, joints: int) -> Fields:
         ("tank", len(TANK) if task.tanks else 0),
         ("payload", payload_size(task)),
         ("grip", 2 if task.gripped else 0),
+        *(ESTIMATE if task.estimates else ()),
     )
     return tuple((name, size) for name, size in found if size)
 
@@ -173,9 +188,14 @@ def handed_of(task: Task, joints: int) -> Fields:
     """`HANDED`, and what only some tasks hand on.
 
     The estimate of a disturbance; what is in the tank of the law and in its springs [J], and 1
-    where the law had a tank, 0 elsewhere.
+    where the law had a tank, 0 elsewhere; by axis the stiffness that was estimated, its standard
+    deviation, that which gains followed, and the number of the object that it is of, 0 for none.
     """
-    more = (("disturbance", joints if task.observes else 0), ("tank", 3 if task.tanks else 0))
+    more = (
+        ("disturbance", joints if task.observes else 0),
+        ("tank", 3 if task.tanks else 0),
+        *(ESTIMATE if task.estimates else ()),
+    )
     return (*HANDED, *((name, size) for name, size in more if size))
 
 

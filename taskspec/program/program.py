@@ -102,7 +102,7 @@ class Program:
         n = self.context.robot.n
         context = self.context
         if views is None:
-            lengths = (n, n, 6, len(task.reported), n, self.output_size)
+            lengths = (n, n, 6, len(context.loaded.task.reported), n, self.output_size)
             q, v, wrench, reactions, torque, outputs = (np.zeros(length) for length in lengths)
             views = (q, v, wrench, reactions, torque, outputs)
         return Machine(

@@ -181,7 +181,7 @@ def _not_of_law(stage: StagePlan, path: tuple[str, ...]) -> str | None:
         given = stage.law.tank is not None and stage.joint_path is None
         return None if given else f"the law of stage {stage.name!r} has no energy tank"
     name, on = ".".join(path[1:-1]), path[-1]
-    varies = (name, on) in stage.law.varying
+    varies = (name, on) in stage.varying
     return None if varies else f"the {name} of stage {stage.name!r} does not vary on {on!r}"
 
 

@@ -20,10 +20,11 @@ from taskspec.program.world.stiffness import RESOLVED_PHASE, mass_along
 from taskspec.rules import Finding, Phase, rule, warning
 from taskspec.rules.remedies import place_of, remedies, text_of
 from taskspec.rules.set_points import in_the_air
-from taskspec.spec import FILE, KeyPath, Task
+from taskspec.spec import FILE, KeyPath, Task, below
 from taskspec.stability.budget import Budget
 from taskspec.stability.corners import Corner, at, corners
 from taskspec.stability.environment import linear_plant
+from taskspec.stability.gain_paths import law_path
 from taskspec.stability.loop import FARTHEST, Mode, Poles, UnfitError
 from taskspec.stability.margin import (
     LEAST_DAMPING_RATIO,
@@ -37,7 +38,7 @@ from taskspec.stability.margin import (
 from taskspec.stability.plant import LinearPlant, pressing
 from taskspec.stability.sampled_stage import SampledStage, control_of, loop_of
 from taskspec.text.diagnostic import Severity
-from taskspec.text.units import FREQUENCY, TIME, number, scaled, show
+from taskspec.text.units import FREQUENCY, STIFFNESS, TIME, number, scaled, show
 
 #: So many gains are searched for remedies in a file: a third of a second's work.
 _MOST_SEARCHED = 12
@@ -57,6 +58,10 @@ _GOES_THERE = (End.DONE, End.BOUND, End.STOP)
 _ALONG = 1e6
 #: From this part of the sampling rate on, a swing is a flip from tick to tick.
 _FLIPS = 0.4
+#: Gains between those that a stage begins with and those for an end of its estimate.
+_ON_THE_WAY = 7
+#: What swings up by less until the stiffness is known begins below what a contact is met with.
+_SWINGS_UP = 10.0
 #: Codes of stages that ring.
 _RINGING = ("TS502", "TS504")
 #: A swing that changes more slowly than this [1/s] neither grows nor dies away in any run.
@@ -127,6 +132,8 @@ _STEADY, _DOUBLINGS = 1e-3, 5.0
         "TS505": "a contact in which a motion would be unstable",
         "TS506": "a stage that is unstable while friction holds the tool",
         "TS507": "a stage that only friction keeps stable",
+        "TS515": "a stage whose gains do not hold at an end of the stiffness that it estimates",
+        "TS516": "a stage that swings up before it has estimated how stiff its contact is",
     },
     also=("TS307",),
     phase=Phase.STABILITY,
@@ -181,6 +188,8 @@ def _of_stage(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Find
         yield from here
         return
     there = _where_it_leads(stage, analysed, shared) or _at_other_gains(analysed, shared)
+    if there is None and analysed.estimating:
+        yield from _while_estimating(analysed, shared)
     yield from _in_other_worlds(analysed, shared) if there is None else there
 
 
@@ -201,6 +210,63 @@ def _at_other_gains(analysed: SampledStage, shared: Shared) -> Iterator[Finding]
             text = f"stage {name!r} rings {where}"
             return _findings(other, modes, ringing, shared, "TS502", Severity.WARNING, text)
     return None
+
+
+def _while_estimating(analysed: SampledStage, shared: Shared) -> Iterator[Finding]:
+    """A stage on the softest and the stiffest contact of its estimate, and on its way there."""
+    name, axes = analysed.stage.name, analysed.stage.plan.estimates.axes
+    place = below(law_path(shared.context, name), "estimate")
+    each = next(iter(axes.values()))
+    for end in (each.low, each.high):
+        task = analysed.on(end)
+        if not resolved(analysed, task):
+            continue
+        modes, shown = analysed.modes(task), scaled(end, STIFFNESS, 3)
+        worst, ringing = worst_of(modes), ringing_of(_swinging(modes, shared))
+        if worst is not None and grows(worst):
+            text = f"stage {name!r} is unstable on a contact of {shown}, with the gains for that"
+            swings = worst
+        elif ringing is not None:
+            text = f"stage {name!r} rings on a contact of {shown}, with the gains for that"
+            swings = ringing
+        else:
+            yield from _until_estimated(analysed, end, task, place, shared)
+            continue
+        axis, period = analysed.axis(swings, modes), shared.context.period
+        yield warning(
+            "TS515", f"{text}: {on_axis(axis)} {describe(swings, period)}", place,
+            "narrow the bounds of the estimate to what the contact may be",
+        )  # fmt: skip
+
+
+def _until_estimated(
+    analysed: SampledStage, end: float, task: Task, place: KeyPath, shared: Shared
+) -> Iterator[Finding]:
+    """How much a swing grows on a contact at an end, while the gains go there from the declared."""
+    plan = analysed.stage.plan
+    each = next(iter(plan.estimates.axes.values()))
+    way = math.log(end / each.declared)
+    plant, neutral = analysed.plant(task), FARTHEST / shared.context.period
+    on_way = [each.declared * math.exp(way * share) for share in np.linspace(0, 1, _ON_THE_WAY)]
+    rates = []
+    for k in on_way:
+        there = analysed.designed_for(dict.fromkeys(plan.estimates.axes, k))
+        growth, _ = _suspected(there.poles(task, plant), neutral)
+        rates.append(max(growth, 0.0))
+    grown = rates[0] * each.found_after + float(np.mean(rates)) * abs(way) / each.rate
+    if grown <= math.log(_SWINGS_UP):
+        return
+    holds = [k for k, rate in zip(on_way, rates, strict=True) if rate < LEAST_GROWTH]
+    least = holds[0] if holds else end
+    first, last = (scaled(k, STIFFNESS, 3) for k in (each.declared, end))
+    yield warning(
+        "TS516",
+        f"stage {analysed.stage.name!r} begins with gains for {first}: on a contact of {last} a "
+        f"swing grows {number(math.exp(grown), 2)}-fold before its gains are those for that",
+        place,
+        "declare the stiffest contact that there may be, of at least "
+        f"{scaled(least, STIFFNESS, 3)}; the gains for it hold on a softer one",
+    )
 
 
 def _elsewhere(task: TaskPlan, stage: StagePlan, shared: Shared) -> Iterator[Finding]:

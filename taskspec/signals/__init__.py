@@ -10,6 +10,7 @@ from taskspec.signals.situation import MovingPose, ObjectState, Situation
 from taskspec.signals.table import (
     CLOCKS,
     ENERGY,
+    ESTIMATE,
     GAIN,
     GRIP,
     JOINT,
@@ -32,6 +33,7 @@ from taskspec.signals.table import (
 __all__ = [
     "CLOCKS",
     "ENERGY",
+    "ESTIMATE",
     "GAIN",
     "GRIP",
     "JOINT",

@@ -272,6 +272,7 @@ _gain("stiffness", STIFFNESS, "stiffness of a law, where it varies")
 _gain("damping", DAMPING, "damping of a law, where it varies or follows what does")
 _gain("force.proportional", NUMBER, "proportional gain of a force loop, where it varies")
 _gain("force.integral", FREQUENCY, "integral gain of a force loop, where it varies or follows")
+_gain("force.damping", DAMPING, "damping of a force loop, where it follows an estimate")
 
 
 def _grip(name: str, dimension: Dimension, meaning: str) -> None:
@@ -376,6 +377,31 @@ _tank("filled", POWER, "what dampers have put into it over the last period")
 _tank("spring", NUMBER, "share of the law's springs that it grants", **_SHARE)
 _tank("share", NUMBER, "share of what else the law commands that it grants", **_SHARE)
 _tank("refused", NUMBER, "1 less the smaller of both: what it refuses", **_SHARE)
+
+
+def _estimate(name: str) -> None:
+    """Enters what a law estimates along its force axes; see `laws.contact_stiffness`."""
+
+    @signal(
+        name,
+        STIFFNESS,
+        of=Index.ESTIMATE,
+        meanings={"": _ESTIMATES[name]},
+        low=0.0,
+        reference="a reference that follows what is estimated from it would close another loop",
+        absent="an axis without a force, or a law without `estimate`",
+    )
+    def _value(at: Situation, axis: str) -> ca.SX | None:
+        return at.estimates.get(name, {}).get(Axis(axis))
+
+
+_ESTIMATES = {
+    "stiffness": "stiffness of the contact along an axis, as it is estimated",
+    "deviation": "standard deviation of that",
+    "followed": "stiffness that designed gains of the axis are those for",
+}
+for _each in _ESTIMATES:
+    _estimate(_each)
 
 
 @signal(

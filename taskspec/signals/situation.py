@@ -90,6 +90,7 @@ class Situation:
             none.
         disturbance: (n,) what the stage's observer estimates [N m, N]; None without one.
         tank: signals of the stage's energy tank by name; empty without one.
+        estimates: what the law estimates along axes, by the name of its signal.
         known: signals by full name that are given instead of evaluated, and those evaluated so far.
     """
 
@@ -119,6 +120,7 @@ class Situation:
     energies: Callable[[], Mapping[str, ca.SX]] = dict
     disturbance: ca.SX | None = None
     tank: Mapping[str, ca.SX] = field(default_factory=dict)
+    estimates: Mapping[str, Mapping[Axis, ca.SX]] = field(default_factory=dict)
     known: dict[str, ca.SX] = field(default_factory=dict)
 
     def signal(self, *path: str) -> ca.SX | None:

@@ -16,9 +16,9 @@ from taskspec.text.units import NUMBER, Dimension
 class Index(StrEnum):
     """What the members of an entry differ by: an axis, a joint, an object of the world, a stage.
 
-    Those of a gain differ by the entry of its matrix; energies and those of a payload have their
-    whole names. A single signal has one member, and so have a
-    clock and a figure of the link to a plant that is elsewhere.
+    Those of a gain differ by the entry of its matrix, those of an estimate by the axis; energies,
+    and those of a tank and a payload, have their whole names. A single signal has one member, and
+    so have a clock and a figure of the link to a plant elsewhere.
     """
 
     SINGLE = "single"
@@ -33,6 +33,7 @@ class Index(StrEnum):
     GRIP = "grip"
     TANK = "tank"
     PAYLOAD = "payload"
+    ESTIMATE = "estimate"
 
 
 #: What may differ from the truth: the wrench, which is zero while nothing is touched; objects.
@@ -152,6 +153,8 @@ GRIP: dict[str, Signal] = {}
 TANK: dict[str, Signal] = {}
 #: Of a payload that laws adapt to, by their whole name, in the order of the log.
 PAYLOAD: dict[str, Signal] = {}
+#: What laws estimate along axes, by name.
+ESTIMATE: dict[str, Signal] = {}
 #: Of an object, by its kind and what follows the object's name.
 OBJECT: dict[str, dict[str, Signal]] = {}
 
@@ -167,6 +170,7 @@ _TABLES = {
     Index.GRIP: GRIP,
     Index.TANK: TANK,
     Index.PAYLOAD: PAYLOAD,
+    Index.ESTIMATE: ESTIMATE,
 }
 
 
@@ -259,6 +263,8 @@ def find(
         case (Index.GAIN, *words, on) if (name := ".".join(words)) in GAIN:
             gain = GAIN[name]
             return Entry(gain, on, gain.dimensions[on]) if on in gain.dimensions else None
+        case (Index.ESTIMATE, name, axis) if name in ESTIMATE and as_axis(axis) in TRANSLATIONS:
+            return Entry(ESTIMATE[name], axis, ESTIMATE[name].dimension)
         case (Index.LINK | Index.GRIP as index, name) if name in _TABLES[index]:
             found = _TABLES[index][name]
             return Entry(found, "", found.dimension)

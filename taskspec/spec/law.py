@@ -25,7 +25,7 @@ from taskspec.spec.disturbance_observer import DisturbanceObserver
 from taskspec.spec.gains import AxisValues, GainField
 from taskspec.spec.model import Model, mapping, short_form
 from taskspec.spec.parse_context import ParseContext, span_of
-from taskspec.spec.quantities import ForJoints
+from taskspec.spec.quantities import Constant, ForJoints, PositiveInterval
 from taskspec.spec.servo import PLURALS, TORQUE, VELOCITY, command_of
 from taskspec.spec.sliding import Sliding
 from taskspec.spec.tank import Tank
@@ -40,6 +40,7 @@ from taskspec.text.units import (
     MASS,
     NUMBER,
     STIFFNESS,
+    TIME,
 )
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
 register(
     {
         "TS137": "an energy tank of a law that takes none",
+        "TS139": "an estimate of the contact's stiffness that no gain would follow",
         "TS140": "a law that commands what the robot does not take",
         "TS143": "a sliding term or a disturbance observer where the law cannot have one",
         "TS206": "an unknown law",
@@ -108,6 +110,38 @@ class ForceGains(Model):
     damping: Damping | None = Field(None, title="Damping along force axes")
 
 
+class StiffnessEstimate(Model):
+    """The contact's stiffness along force axes, estimated while they press.
+
+    Attributes:
+        stiffness: bounds of what is estimated, and of what gains are designed for [N/m].
+        memory: time constant of forgetting [s].
+        dead_zone: changes of the force that tell nothing; None for what the sensor's noise makes
+            it [N].
+        rate: how fast the stiffness that gains are designed for changes at most, by its logarithm
+            [1/s].
+    """
+
+    noun = "an estimate of the contact's stiffness"
+    example = "estimate: {stiffness: 2..200 kN/m, memory: 200 ms}"
+
+    stiffness: Annotated[tuple[float, float], PositiveInterval(STIFFNESS)] = Field(
+        title="Bounds of the stiffness"
+    )
+    memory: Annotated[float, Constant(TIME, above=0)] = Field(0.2, title="Memory")
+    dead_zone: Annotated[float, Constant(FORCE, above=0)] | None = Field(
+        None, title="Changes of the force that tell nothing"
+    )
+    rate: Annotated[float, Constant(FREQUENCY, above=0)] = Field(
+        50.0, title="Greatest relative rate of the stiffness that gains follow"
+    )
+
+    @classmethod
+    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
+        """Reads bare bounds."""
+        return short_form(data, "stiffness")
+
+
 class Law(Model):
     """A control law. Gains that are left out are designed.
 
@@ -125,6 +159,7 @@ class Law(Model):
         sliding: what motion axes are held with against what the model lacks; None for nothing.
         disturbance_observer: that takes off what pushes the arm; None for none.
         tank: what it may put into the arm beyond what its dampers take; None for whatever it does.
+        estimate: of the contact's stiffness, which designed gains of force axes follow.
         orientation: how orientation errors are measured.
         null_space: what a redundant arm does with the joints that the task leaves free; these
             goals are added up.
@@ -170,6 +205,7 @@ class Law(Model):
     sliding: Sliding | None = Field(None, title="Sliding term of the motion axes")
     disturbance_observer: DisturbanceObserver | None = Field(None, title="Disturbance observer")
     tank: Tank | None = Field(None, title="Energy tank")
+    estimate: StiffnessEstimate | None = Field(None, title="Estimate of the contact's stiffness")
     orientation: Annotated[
         Literal["so3", "rpy", "zyz"], Word(("so3", "rpy", "zyz"), "orientation error")
     ] = Field("so3", title="Orientation error")
@@ -241,6 +277,14 @@ class Law(Model):
             own = given.get("force.integral", {})
             found += [("force.integral", a) for a in AXES if a in damped and a not in own]
         return tuple(found)
+
+    def following(self, axis: AxisEntry, on: Axis) -> tuple[str, ...]:
+        """The designed gains of an axis that follow the stiffness that is estimated there."""
+        if self.estimate is None or not axis.has_force or on.is_rotation:
+            return ()
+        own = {"damping"} if axis.damping is not None else set()
+        given = {name for name, entries in self.by_entry.items() if on in entries} | own
+        return tuple(name for name in self.control_law.follows if name not in given)
 
     @property
     def matrices(self) -> bool:
@@ -390,6 +434,7 @@ class Law(Model):
                 f"the law '{kind}' takes no tank: {reason}",
                 data.node.key_span("tank"),
                 f"laws that take one: {fitting}",
+            )
         if "adapt" in data and not LAWS[kind].compensates:
             law, takes = LAWS[kind], command_of(context.data)
             why = "compensates no weight" if law.commands == TORQUE else "leaves that to the servo"
@@ -410,6 +455,15 @@ class Law(Model):
                 + ", ".join(commanding(LAWS[kind].commands, lambda law: law.holds_null_space)),
             )
         _check_robust(kind, data, context)
+        if "estimate" in data and not LAWS[kind].follows:
+            context.error(
+                "TS139",
+                f"the law '{kind}' has no force loop, whose gains would follow the stiffness that "
+                "is estimated",
+                data.node.key_span("estimate"),
+                "laws that have one: "
+                + ", ".join(commanding(LAWS[kind].commands, lambda law: bool(law.follows))),
+            )
         has = LAWS[kind].gain_names
         force = mapping(data.get("force"))
         given = [(key, data) for key in _GAINS if key in data]

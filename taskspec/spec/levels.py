@@ -12,7 +12,7 @@ from taskspec.spec.bushing import Bushing
 from taskspec.spec.control import Control
 from taskspec.spec.equation import EquationObject
 from taskspec.spec.frame import Frame
-from taskspec.spec.law import ForceGains, Law
+from taskspec.spec.law import ForceGains, Law, StiffnessEstimate
 from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import Hinge, Screw, Slide
 from taskspec.spec.model import Model
@@ -54,6 +54,7 @@ _MODELS: tuple[tuple[str, type[Model]], ...] = (
     ("sweep.", Sweep),
     ("reward.", Reward),
     ("law.force.", ForceGains),
+    ("law.estimate.", StiffnessEstimate),
     ("robot.sensor.noise.", Noise),
 )
 """Models of a file and the paths at which they stand, the outer ones first."""

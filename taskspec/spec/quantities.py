@@ -490,3 +490,15 @@ class IntervalAroundZero(QuantityInterval):
             hint = "count from there: the run begins at 0"
             context.error("TS118", message, span_of(value), hint)
         return ends
+
+
+@dataclass(frozen=True)
+class PositiveInterval(QuantityInterval):
+    """The same of what is more than 0."""
+
+    def read(self, value: object, context: ParseContext) -> tuple[float, float]:
+        """Both ends in SI units; 1 and 2 after reporting why there are none."""
+        ends = QuantityInterval.read(self, value, context)
+        if ends is not None and ends[0] <= 0:
+            context.error("TS118", "both ends have to be more than 0", span_of(value))
+        return ends if ends is not None and ends[0] > 0 else (1.0, 2.0)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws import DEFAULTS
 from taskspec.spec.adapt import Adapt
 from taskspec.spec.bushing import Bushing
@@ -205,7 +206,24 @@ class Task(Model):
     def varying_gains(self) -> tuple[tuple[str, str], ...]:
         """The gains that vary in any of its stages, by name and entry, in the order of the log."""
         laws = [self.law, *(stage.law for stage in self.stages.values() if stage.law is not None)]
-        return tuple(dict.fromkeys(each for law in laws for each in law.varying))
+        given = [each for law in laws for each in law.varying]
+        followed = [(name, on) for on, names in self._following for name in names]
+        return tuple(dict.fromkeys([*given, *followed]))
+
+    @property
+    def estimates(self) -> tuple[Axis, ...]:
+        """Axes along which a stage estimates the contact's stiffness, in the order of the log."""
+        found = {on for on, names in self._following if names}
+        return tuple(axis for axis in AXES if axis in found)
+
+    @property
+    def _following(self) -> list[tuple[Axis, tuple[str, ...]]]:
+        """Axes of stages with the designed gains that follow the stiffness there."""
+        return [
+            (on, (stage.law or self.law).following(axis, on))
+            for stage in self.stages.values()
+            for on, axis in stage.axes.items()
+        ]
 
     @property
     def tanks(self) -> bool:
@@ -213,6 +231,7 @@ class Task(Model):
         laws = (self.law, *(stage.law for stage in self.stages.values()))
         return any(law is not None and law.tank is not None for law in laws)
 
+    @property
     def adapt(self) -> Adapt | None:
         """What its laws adapt to, which is one for all stages; None for nothing."""
         laws = (stage.law or self.law for stage in self.stages.values())

@@ -15,6 +15,7 @@ from taskspec.expression import Expression
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws.gains import DEAD_BAND
 from taskspec.program.axes import MOSTLY
+from taskspec.program.components import true_task_with
 from taskspec.program.context import Context
 from taskspec.program.passage import Instant
 from taskspec.program.plan import StagePlan, TaskPlan
@@ -76,6 +77,7 @@ class SampledStage:
         sticking: friction holds the tool; else it slides.
         sliding: (3,) as fast as this, world axes [m/s]; None where that is not known.
         turns: (3, k) world axes about which the tool gives way, and comes to lie flat.
+        kept: its gains stay, though they would follow the stiffness of another world.
     """
 
     context: Context
@@ -89,6 +91,7 @@ class SampledStage:
     sticking: bool = False
     sliding: Matrix | None = None
     turns: Matrix = field(default_factory=lambda: HELD)
+    kept: bool = False
 
     def plant(self, task: Task | None = None) -> LinearPlant:
         """What it drives; `task` is the one whose world and robot are true."""
@@ -127,10 +130,53 @@ class SampledStage:
     def _loop(
         self, task: Task | None, plant: LinearPlant | None
     ) -> tuple[LinearController, LinearPlant, SensorModel, float]:
-        task = self.context.loaded.task if task is None else task
+        nominal = self.context.loaded.task
+        task = nominal if task is None else task
         sensor = SensorModel.of(task.robot.sensor, self.context.period)
         plant = self.plant(task) if plant is None else plant
-        return self.controller, plant, sensor, self.context.period
+        stage = self
+        if self.estimating and task is not nominal:
+            stage = self.designed_for(self.stiffness(task))
+        return stage.controller, plant, sensor, self.context.period
+
+    @property
+    def estimating(self) -> bool:
+        """Whether its gains follow the stiffness of its contacts, whatever that is."""
+        return bool(self.stage.plan.estimates.schedules) and not self.kept
+
+    def stiffness(self, task: Task) -> dict[Axis, float]:
+        """The stiffness along each axis that it estimates, in a world [N/m]."""
+        plan, found = self.stage.plan, {}
+        for axis, each in plan.estimates.axes.items():
+            name = plan.contacts.of(axis)
+            assert name is not None
+            nominal = self.context.compliances[name].stiffness
+            true = getattr(task.world[name], "stiffness", nominal)
+            found[axis] = each.declared * (nominal if true == "rigid" else true) / nominal
+        return found
+
+    def designed_for(self, stiffness: Mapping[Axis, float]) -> SampledStage:
+        """The same stage, whatever it drives, with gains for other stiffnesses of its contacts.
+
+        Args:
+            stiffness: by axis, as far as it is another one [N/m].
+        """
+        plan = self.stage.plan
+        gains = plan.estimates.gains(plan.gains, stiffness)
+        stage = replace(self.stage, plan=plan.but(gains=gains))
+        at = self.at.under(gains)
+        return replace(self, stage=stage, at=at, controller=at.linear(), kept=True)
+
+    def on(self, stiffness: float) -> Task:
+        """The true world with this stiffness of every contact that it estimates [N/m]."""
+        plan = self.stage.plan
+        values: dict[tuple[str, int | None], float] = {}
+        for axis, each in plan.estimates.axes.items():
+            name = plan.contacts.of(axis)
+            assert name is not None
+            share = self.context.compliances[name].stiffness / each.declared
+            values[f"world.{name}.stiffness", None] = stiffness * share
+        return true_task_with(self.context, values)
 
     def free(self) -> SampledStage:
         """The same stage before it meets its contact."""

@@ -19,6 +19,7 @@ _NAMES = {
     signals.Index.JOINT: "joint.N.{0}",
     signals.Index.STAGE: "STAGE.{0}",
     signals.Index.LINK: "link.{0}",
+    signals.Index.ESTIMATE: "estimate.{0}.AXIS",
     signals.Index.GAIN: "gain.{0}.ENTRY",
 }
 
@@ -26,7 +27,7 @@ _NAMES = {
 def signal_rows() -> Iterator[list[str]]:
     """Rows of signals that belong to no object."""
     tables = (signals.VECTORS, signals.SCALARS, signals.CLOCKS, signals.JOINT, signals.STAGE)
-    tables = (*tables, signals.LINK, signals.GAIN, signals.GRIP, signals.ENERGY)
+    tables = (*tables, signals.LINK, signals.GAIN, signals.ESTIMATE, signals.GRIP, signals.ENERGY)
     tables = (*tables, signals.TANK, signals.PAYLOAD)
     for signal in (signal for table in tables for signal in table.values()):
         members: dict[str, list[str]] = {}

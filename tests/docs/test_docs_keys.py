@@ -23,7 +23,7 @@ from taskspec.spec.gains import GainField
 from taskspec.spec.gripper import GripCommand, Gripper
 from taskspec.spec.joint_expressions import JointExpressions
 from taskspec.spec.joint_targets import JointTargets
-from taskspec.spec.law import ForceGains
+from taskspec.spec.law import ForceGains, StiffnessEstimate
 from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import (
     AngularDetent,
@@ -49,6 +49,7 @@ from taskspec.spec.quantities import (
     ForJoints,
     Formula,
     IntervalAroundZero,
+    PositiveInterval,
     QuantityInterval,
     QuantityList,
 )
@@ -96,6 +97,7 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "law.disturbance_observer": (DisturbanceObserver,),
     "law.adapt": (Adapt,),
     "law.adapt.payload": (PayloadAdaptation,),
+    "law.estimate": (StiffnessEstimate,),
     "limits": (Limits,),
     "control": (Control,),
     "payload": (Payload,),
@@ -124,6 +126,7 @@ def kinds(annotation: object) -> Iterator[object]:
             | Formula
             | Followed
             | IntervalAroundZero
+            | PositiveInterval
             | SixBySix,
         ):
             yield part
@@ -156,7 +159,10 @@ def units_needed(model: type[Model], key: str) -> set[object]:
             found.update({kind.dimension, kind.other})
         elif isinstance(kind, QuantityList):
             found.update({kind.dimension, kind.other} - {None})
-        elif isinstance(kind, Constant | ForJoints | IntervalAroundZero | QuantityInterval):
+        elif isinstance(
+            kind,
+            Constant | ForJoints | IntervalAroundZero | PositiveInterval | QuantityInterval,
+        ):
             found.add(kind.dimension)
         elif isinstance(kind, Entries):
             found.update(kind.dimensions)

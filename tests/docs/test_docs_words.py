@@ -122,17 +122,22 @@ VARYING = """law:
     integral: {z: 2 /s + 0.1 /s * sin(2*pi*t/(1 s))}
 """
 
+#: And where it follows an estimate.
+ESTIMATED = "law: {kind: hybrid, estimate: 1..10000 kN/m}\n"
+
 
 @pytest.mark.parametrize("row", table(LANGUAGE, "table: signals"), ids=lambda row: words(row[0])[0])
 def test_signals_are_available_where_the_table_says(row):
     signal = words(row[0])[0].replace("joint.N", "joint.1")
-    signal = signal.replace("STAGE", "slide").replace("ENTRY", "z")
+    signal = signal.replace("STAGE", "slide").replace("ENTRY", "z").replace("AXIS", "z")
     number = row[1] != "condition"
     unit = words(row[1])[0] if words(row[1]) else ""
     condition = f"{signal} > 1 {unit}" if number else signal
     motion = f"{signal}*(1 N/(1 {unit}))" if unit else f"{signal}*(1 N)"
     stage = 'stages: {slide: {axes: {z: {force: "%s"}, x: hold}, %stime: 1 s}}\nexpect: [%s]\n'
-    stage = VARYING + stage if signal.startswith("gain.") else stage
+    followed = signal.startswith(("estimate.", "gain.force.damping"))
+    law = ESTIMATED if followed else VARYING if signal.startswith("gain.") else ""
+    stage = law + stage
     # A law with a storage function, and one that falls.
     stage = f"law: pd\n{stage}" if signal.startswith(("energy.", "power.")) else stage
     if signal.endswith(".disturbance"):

@@ -18,6 +18,7 @@ from taskspec.program.program import Program
 from taskspec.program.stages.stage import CompiledStage
 from taskspec.robot import RobotModel
 from taskspec.signals import (
+    ESTIMATE,
     GAIN,
     GRIP,
     JOINT,
@@ -269,6 +270,7 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
     solved = any(stage.resolution is not None for stage in stages)
     yield from (Column(name, "", name) for name in ("limits", "residual") if solved)
     yield from _of_gains(task, axes)
+    yield from _of_estimates(task, axes)
     yield from _of_params(task)
     yield from _of_grip(task)
     yield from _of_tanks(task)
@@ -337,6 +339,15 @@ def _of_gains(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:
         if {*axes_of(on)} <= {*axes}:
             unit = si_unit(GAIN[name].dimensions[on])
             yield Column(f"{Index.GAIN}.{name}.{on}", unit, "gain", i)
+
+
+def _of_estimates(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:
+    """The columns of what laws estimate, as far as the arm has their axes."""
+    for axis in task.estimates:
+        for signal, output in ports.ESTIMATED.items():
+            if axis in axes:
+                unit = si_unit(ESTIMATE[signal].dimension)
+                yield Column(f"{Index.ESTIMATE}.{signal}.{axis}", unit, output, axis.row)
 
 
 def _of_joints(robot: RobotModel, task: Task) -> Iterator[Column]:

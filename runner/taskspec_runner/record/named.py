@@ -30,8 +30,8 @@ def _signal_of(meaning: Meaning) -> str:
         return f"joint.{meaning.subject}.{meaning.name}"
     if meaning.kind == "object":
         return f"{meaning.subject}.{meaning.name}"
-    if meaning.kind == "gain":
-        return f"gain.{meaning.name}.{meaning.subject}"
+    if meaning.kind in ("gain", "estimate"):
+        return f"{meaning.kind}.{meaning.name}.{meaning.subject}"
     if meaning.kind in ("link", "grip"):
         return f"{meaning.kind}.{meaning.name}"
     # An energy has its whole name.

@@ -55,6 +55,7 @@ def sections(run: Run) -> tuple[Section, ...]:
     contact.add(_mechanisms(run, "torque", "Moment on the mechanism, about its axis"))
     contact.add(_mechanisms(run, "force", "Force on the mechanism, along its axis"))
     contact.add(_settling(run))
+    contact.add(_estimates(run))
     contact.add(_inconsistent(run))
     contact.add(_wrench(run, "force", LINEAR, "All forces"))
     contact.add(_wrench(run, "torque", ANGULAR, "Moments"))
@@ -311,6 +312,17 @@ def _payload(run: Run) -> Iterator[Chart | None]:
     centre = [Drawn(f"payload.{axis}", axis, axis, continuous=True) for axis in "xyz"]
     title, note = "Centre of the payload", "from the tip, in the tool's axes"
     yield of_signals(run, "payload centre", title, centre, note, always=(0.0,))
+
+
+def _estimates(run: Run) -> Chart | None:
+    """The stiffness that is estimated along each axis, and that which gains are those for."""
+    lines = [
+        Drawn(f"estimate.{name}.{axis}", _ROLES[axis], f"{axis}{said}", style)
+        for axis in LINEAR
+        for name, style, said in (("stiffness", "line", ""), ("followed", "reference", ", gains"))
+    ]
+    note = "dashed: what designed gains are those for"
+    return of_signals(run, "estimate.stiffness", "Estimated stiffness of the contact", lines, note)
 
 
 #: The energies of a law, and the terms that change what it stores, with their colours.

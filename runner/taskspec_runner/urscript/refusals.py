@@ -101,6 +101,10 @@ def _of_law(plan: TaskPlan) -> Iterator[Reason]:
         for key in ("sliding", "disturbance_observer"):
             if getattr(law, key) is not None:
                 yield Reason(place[key], f"'{key}' works on torques, and servoj takes positions")
+        if law.estimate is not None:
+            yield Reason(
+                place.estimate, "gains of the law follow an estimate: those of force_mode are fixed"
+            )
         if law.varying:
             yield Reason(place, "gains of the law vary: those of force_mode and servoj are fixed")
         elif any(on in PAIRS for entries in law.by_entry.values() for on in entries):

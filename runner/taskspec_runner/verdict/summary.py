@@ -30,6 +30,7 @@ from taskspec_runner.record.history import History
 from taskspec_runner.verdict.diagnosed import diagnosed
 from taskspec_runner.verdict.drift import drift
 from taskspec_runner.verdict.energy import energy_block
+from taskspec_runner.verdict.estimated import estimated
 from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judged import Judged
 from taskspec_runner.verdict.payload import payload_block
@@ -141,6 +142,7 @@ def summarise(
         **protected(program, history, context.period),
         **drift(program, history),
         **payload_block(program, history),
+        **estimated(program, history),
         **energy_block(program, history, world.task),
         **performance(program, history, judged, simulated.solver_counts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from taskspec.control.servo import drive_gains
 from taskspec.deferred_methods import dataclass
 from taskspec.geometry.axis import Axis
-from taskspec.laws.gains import AxisPlant, Gains, rows
+from taskspec.laws.gains import AxisPlant, Gain, Gains, rows
 from taskspec.laws.mechanism_form import damping_rate
 from taskspec.laws.servo_loop import Contact, DrivenAxis, ServoLoop
 from taskspec.program.axes import MOSTLY
@@ -111,6 +111,16 @@ class DesignRules:
             stiffness[np.diag_indices_from(stiffness)] += [self._pressed(a) for a in axes]
             gains["joint_damping"] = law.design_joints(self._joint_plants(stiffness))
         return Design(gains, consistent)
+
+    def along(self, axis: Axis, stiffness: float) -> dict[str, Gain]:
+        """Gains of one axis, by name, if its contact had another stiffness [N/m]."""
+        plant = self.plants[axis]
+        servo = plant.servo
+        if servo is not None:
+            servo = replace(servo, contact=replace(servo.contact, k=stiffness))
+        plants = {axis: replace(plant, k=stiffness, servo=servo)}
+        gains = self._law.design({axis: self._plans[axis].axis}, plants)
+        return {name: by_axis[axis] for name, by_axis in gains.items()}
 
     def in_joints(self) -> Design:
         """Gains of a path of joints: of the motion of each joint, and of the constraints."""

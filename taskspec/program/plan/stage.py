@@ -25,6 +25,7 @@ from taskspec.program.known_value import KnownValues
 from taskspec.program.plan.contacts import StageContacts
 from taskspec.program.plan.design import Design, DesignRules
 from taskspec.program.plan.environment import StageEnvironment
+from taskspec.program.plan.estimates import StageEstimates
 from taskspec.program.plan.gain_range import GainRange
 from taskspec.program.plan.kinematics import StageKinematics
 from taskspec.program.plan.set_points import StageSetPoints
@@ -248,6 +249,25 @@ class StagePlan:
             self.moving_base,
             self.gain_range,
         )
+
+    @cached_property
+    def estimates(self) -> StageEstimates:
+        """The contact stiffness that it estimates, and the gains that follow it."""
+        return StageEstimates(
+            self.context,
+            self.law,
+            self.frame,
+            self.contacts,
+            self.environment,
+            self.design_rules,
+            self.plans,
+        )
+
+    @cached_property
+    def varying(self) -> tuple[tuple[str, str], ...]:
+        """The gains that vary in it, by name and entry: by the file, or with what it estimates."""
+        followed = [(name, on) for on, by in self.estimates.schedules.items() for name in by]
+        return tuple(dict.fromkeys([*self.law.varying, *followed]))
 
     @cached_property
     def gain_range(self) -> GainRange:

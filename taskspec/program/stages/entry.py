@@ -6,6 +6,7 @@ enter(time, state, model terms, measured wrench, what is handed over) -> memory,
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import casadi as ca
 
@@ -24,6 +25,7 @@ from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.joint_reference import TIMING, joint_start
 from taskspec.program.reference.measurement import Measurement
 from taskspec.program.slots import Slots, gain_slot
+from taskspec.program.stages.estimated_stiffness import EstimatedStiffness, estimate_slot
 from taskspec.program.world import estimated_frames, tracked_frames
 from taskspec.program.world.moving_base import BaseMotion
 
@@ -79,6 +81,7 @@ class Entering:
         plan: of the stage.
         gains: of its law, parameters where they are to be changed.
         measurement: whose layouts are complete.
+        estimated: what it estimates.
         initial: slots of the memory that do not start at 0.
         probe, own: of the stage; see `outputs.probe` and `CompiledStage`.
     """
@@ -88,11 +91,12 @@ class Entering:
         plan: StagePlan,
         gains: Gains,
         measurement: Measurement,
+        estimated: EstimatedStiffness,
         initial: Mapping[str, float],
         probe: ca.Function,
         own: ca.Function,
     ) -> None:
-        self.plan, self.gains = plan, gains
+        self.plan = plan
         self.probe, self.own = probe, own
         self.layouts = {"memory": measurement.memory, "parameters": measurement.parameters}
         self.inputs, self.clock = measurement.inputs, measurement.clock
@@ -109,6 +113,8 @@ class Entering:
         self.followed, self.follows = handed["track"], handed["tracks"]
         self.disturbance = handed.get("disturbance")
         self.tank = handed.get("tank")
+        begun, carried = estimated.begun(handed)
+        self.gains = _at_entry(gains, estimated, begun)
         # From here on the reference's velocity is that against what carries the frame.
         self.twist, self.base = handed["twist"], self._base()
         if self.base is not None:
@@ -120,12 +126,14 @@ class Entering:
             if gain_slot(name, axis) in self.parameters
         )
         self.values: dict[str, dict[str, ca.SX]] = {
-            "memory": {name: ca.SX(value) for name, value in initial.items()},
+            "memory": {name: ca.SX(value) for name, value in initial.items()} | begun,
             "parameters": {
                 gain_slot(name, axis): self.parameters.symbol(gain_slot(name, axis))
                 for name, axis in self.tunable
             },
         }
+        for name, value in carried.items():
+            self._write(name, value)
 
     @property
     def parameters(self) -> Slots:
@@ -410,3 +418,15 @@ class Entering:
                 self._remember(slot, -held / integral)
             else:
                 self._remember(slot, 0.0)
+
+
+def _at_entry(gains: Gains, estimated: EstimatedStiffness, begun: Mapping[str, ca.SX]) -> Gains:
+    """The gains with those that follow an estimate as they are when it begins."""
+    found = {name: {**by_axis} for name, by_axis in gains.items()}
+    for axis in estimated.axes:
+        at, first = estimated.followed(axis), begun[estimate_slot("followed", axis)]
+        for by_axis in found.values():
+            gain = by_axis.get(axis)
+            if gain is not None and isinstance(gain.value, ca.SX):
+                by_axis[axis] = replace(gain, value=ca.substitute(gain.value, at, first))
+    return found

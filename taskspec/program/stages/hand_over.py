@@ -10,7 +10,7 @@ import casadi as ca
 from taskspec.control.representation import Representation
 from taskspec.laws.tank import OUTPUTS as TANK
 from taskspec.program.plan import StagePlan
-from taskspec.program.ports import HANDED, fields, fields_of, slices
+from taskspec.program.ports import ESTIMATE, HANDED, fields, fields_of, slices
 from taskspec.program.reference.orientation import displaced, representation_of
 from taskspec.program.world.moving_base import MovingBase
 
@@ -57,6 +57,8 @@ def _more(plan: StagePlan, places: Mapping[str, slice]) -> tuple[int, ...]:
         first = places["tank"].start
         own = [first + TANK.index("energy"), first + TANK.index("stretched"), _ONE]
         found += own if plan.law.tank is not None else [_ZERO] * len(own)
+    for name, _ in ESTIMATE if task.estimates else ():
+        found += range(places[name].start, places[name].stop)
     return tuple(found)
 
 

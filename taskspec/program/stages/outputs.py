@@ -60,7 +60,7 @@ def outputs(
         commanded: by the law.
         limited: the stage's programs; what comes of them is filled in later. None without any.
         followed: joints that have a reference in any stage.
-        more: the outputs that not every task has.
+        more: the outputs that not every task has; those of `ESTIMATE` come after these.
     """
     inputs, references = measurement.inputs, commanded.references
     six = references.six
@@ -106,7 +106,11 @@ def outputs(
         _by_equation(measurement, forces.gaps),
         _by_equation(measurement, forces.residuals),
         ca.SX.nan(followed) if joints is None else joints.position,
-        *(_optional(name, size, measurement, commanded) for name, size in more),
+        *(
+            _optional(name, size, measurement, commanded)
+            for name, size in more
+            if name not in dict(ports.ESTIMATE)
+        ),
     )
 
 

@@ -32,6 +32,7 @@ from taskspec.program.stages.candidates import Choice, candidates
 from taskspec.program.stages.commanded import Commanded, command
 from taskspec.program.stages.conditions import gain_conditions, limit_conditions, stage_conditions
 from taskspec.program.stages.entry import Entering, StageEntry
+from taskspec.program.stages.estimated_stiffness import EstimatedStiffness
 from taskspec.program.stages.hand_over import leaving
 from taskspec.program.stages.outputs import of_the_law, outputs, probe
 from taskspec.program.stages.protected import protection_conditions
@@ -113,7 +114,8 @@ def compile_stage(plan: StagePlan) -> CompiledStage:
 def _compiled(plan: StagePlan) -> CompiledStage:
     context = plan.context
     measurement = measure(plan)
-    live, gains_at_entry = tunable(plan, measurement)
+    estimated = EstimatedStiffness(plan, measurement)
+    live, gains_at_entry = tunable(plan, measurement, estimated)
     filled = plan.but(gains=live)
     commanded = command(filled, measurement)
     limited = _limited(plan, measurement, commanded) if plan.law.solve == "qp" else None
@@ -133,12 +135,16 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     updates = references.updates | commanded.forces.updates | measurement.algebra.updates
     updates |= commanded.command.memory
     updates |= {} if commanded.tank is None else commanded.tank.memory
+    updates |= _estimates(estimated, measurement, updates, live)
     remembered = memory.stack(updates)
     more = optional(context.loaded.task, context.robot.n)
     results = [
         torque,
         remembered,
-        outputs((number, value), measurement, commanded, limited, context.followed, more),
+        ca.vertcat(
+            outputs((number, value), measurement, commanded, limited, context.followed, more),
+            estimated.outputs(),
+        ),
         limited.handed_over if limited else ca.SX(0, 1),
         closed_form,
     ]
@@ -162,7 +168,9 @@ def _compiled(plan: StagePlan) -> CompiledStage:
         events=events,
         tick=ca.Function("tick", arguments, results),
         closed_form=ca.Function("closed_form", arguments, law),
-        entry=Entering(plan, gains_at_entry, measurement, initial, at_entry, own).entry(),
+        entry=Entering(
+            plan, gains_at_entry, measurement, estimated, initial, at_entry, own
+        ).entry(),
         leaving=leaving(plan),
         own=own,
         choice=candidates(arguments, commanded),
@@ -170,11 +178,32 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     )
 
 
-def tunable(plan: StagePlan, measurement: Measurement) -> tuple[Gains, Gains]:
+def _estimates(
+    estimated: EstimatedStiffness,
+    measurement: Measurement,
+    updates: Mapping[str, ca.SX],
+    gains: Gains,
+) -> dict[str, ca.SX]:
+    """The memory of what a stage estimates, and of integrals whose gains follow that."""
+    parameters = measurement.parameters
+    found = estimated.updates(parameters.symbol(FROZEN) if FROZEN in parameters else None)
+    integral = gains.get("force.integral", {})
+    following = {
+        axis: ca.SX(integral[axis].value)
+        for axis in estimated.axes
+        if axis in integral and isinstance(integral[axis].value, ca.SX)
+    }
+    return found | estimated.rescaled(updates, found, following)
+
+
+def tunable(
+    plan: StagePlan, measurement: Measurement, estimated: EstimatedStiffness
+) -> tuple[Gains, Gains]:
     """The gains of a stage as its tick has them, and as its entry does.
 
     They are slots of the parameters, which an entry fills; those of zero stay what they are. Gains
-    that vary are their expressions, but slots, too, where the parameter `FROZEN` is 1.
+    that vary, or follow what is estimated, are their expressions, but slots, too, where the
+    parameter `FROZEN` is 1.
     """
     parameters, known = measurement.parameters, dict[int, ca.SX]()
     inputs = measurement.inputs
@@ -188,6 +217,11 @@ def tunable(plan: StagePlan, measurement: Measurement) -> tuple[Gains, Gains]:
     varying: Gains = {}
     if plan.law.varying:
         varying = plan.design_rules.design(consistent=plan.consistent, worth=worth).gains
+    for axis, by_name in plan.estimates.schedules.items():
+        for name, schedule in by_name.items():
+            now = schedule.at(estimated.followed(axis))
+            varying.setdefault(name, {})[axis] = replace(plan.gains[name][axis], value=now)
+    if varying:
         frozen = parameters.add(FROZEN)
     live: Gains = {}
     at_entry: Gains = {}
