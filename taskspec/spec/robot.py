@@ -241,6 +241,28 @@ class Sensor(Model):
     )
 
 
+class Encoder(Model):
+    """What measures the joints' positions.
+
+    Attributes:
+        resolution: from line to line [rad; of a slide the same number in m]: one for all, or one
+            for each joint; 0 for exact readings.
+    """
+
+    noun = "an encoder"
+    example = "encoder: {resolution: 0.1 mrad}"
+    short: ClassVar = ForJoints(ANGLE).json()
+
+    resolution: Annotated[tuple[float, ...], ForJoints(ANGLE)] = Field(
+        (0.0,), title="Resolution", description="From line to line: one for all, or one for each"
+    )
+
+    @classmethod
+    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
+        """Reads a bare angle."""
+        return short_form(data, "resolution")
+
+
 class Payload(Model):
     """What the tool carries without the controller's knowledge.
 
@@ -285,6 +307,7 @@ class Robot(Model):
         payload: what the plant's tool carries in addition; under `truth` and `vary` alone, for the
             controller does not know of it. None for nothing.
         grasp: the handle or loose body that it holds from the start; None for nothing.
+        encoder: what measures the joints; None for exact readings.
         sensor: what measures the contact wrench.
         protection: where the robot's own controller stops; None where nobody says.
         command: what its joints are commanded: torques, velocities or positions.
@@ -327,6 +350,7 @@ class Robot(Model):
     grasp: Held | None = Field(
         None, title="What it holds", description="OBJECT.handle, or a loose body"
     )
+    encoder: Encoder | None = Field(None, title="Encoders of the joints")
     sensor: Sensor = Field(Sensor(), title="Force sensor")
     protection: Protection | None = Field(
         None,

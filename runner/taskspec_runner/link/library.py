@@ -193,6 +193,7 @@ class LibraryPlant:
             error.ticks = self._ticks
             raise error
         command[:] = self._library.command
+        self._machine.predict()
         self._plant.step(command)
         self.diverged = self._plant.arm.diverged
         self._ticks += 1

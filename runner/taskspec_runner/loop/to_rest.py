@@ -98,6 +98,7 @@ def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -
         bus.array[clock], bus.array[t] = (ticks + number) * period, number * period
         bus.array[stage] = len(machine.runners) + machine.index
         step(torque)
+        machine.predict()
         for where in commanded:
             bus.array[where] = np.nan
         closed.recorder.add()

@@ -32,6 +32,7 @@ from taskspec.program.execution.stage_solver import (
     no_own_solver,
 )
 from taskspec.program.execution.transition import FAIL, Exit, Transition, exits
+from taskspec.program.execution.velocity_estimator import VelocityEstimator
 from taskspec.program.ports import (
     HANDED,
     INTERNAL,
@@ -43,6 +44,7 @@ from taskspec.program.ports import (
 from taskspec.program.reference.axis_plan import not_finite
 from taskspec.program.stages import hand_over
 from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.velocity_estimate import VelocityEstimate
 from taskspec.program.world.estimated_frames import Estimates
 from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import ModelTerms
@@ -82,11 +84,12 @@ class Machine:
     `tick`, read `torque` and `outputs`.
 
     Attributes:
-        q, v: (n,) measured joint positions and velocities.
+        q, v: (n,) measured joint positions and velocities; those it estimates it writes itself.
         wrench: (6,) measured, by the environment on the tool tip, world axes [N, N m].
         reactions: (equations,) measured, what the robot applies along each equation's unit
             gradient [N, N m]; those on the tip are computed from the wrench instead.
         sensor: makes the wrench from readings; None where the wrench is written itself.
+        estimator: of joint velocities; None where they are measured.
         period: of control [s].
         runners: of the stages, in their order; `runner` is that of the current one.
         terms: the model terms.
@@ -131,9 +134,17 @@ class Machine:
         self.sensor, self.estimation = sensor, Estimation(sensor, estimates)
         self.q, self.v, self.wrench, self.reactions, self.torque, self.outputs = views
         self.terms = terms(robot, self.q, self.v)
-        self.drives = stages[0].plan.context.drives
+        context = stages[0].plan.context
+        self.drives = context.drives
         self.rest = self.terms.gravity if self.drives.torques else np.zeros(robot.n)
-        task = stages[0].plan.context.loaded.task
+        task = context.loaded.task
+        self.estimator: VelocityEstimator | None = None
+        estimate = VelocityEstimate.of(task.control.velocity, period)
+        if estimate is not None:
+            own_state, arrays = (self.q, self.v), self.terms.arrays
+            self.estimator = VelocityEstimator(
+                estimate, robot, own_state, arrays, self.wrench, self.torque
+            )
         self.now = now_at_start(task)
         self.live = LiveParams(task.live, self.now, first_live(task))
         self._moves = bool(self.live)
@@ -209,6 +220,8 @@ class Machine:
 
     def start(self) -> None:
         """Enters the first stage from rest at the measured pose."""
+        if self.estimator is not None:
+            self.estimator.begin()
         self.torque[:] = self.applied[:] = self.earlier[:] = self.at_rest()
         self._rest_here()
         self._begin(0)
@@ -257,6 +270,8 @@ class Machine:
             0.0 while the current stage goes on; otherwise the event's number has been dealt with:
             the machine has moved to another stage (and computed its first torque) or has ended.
         """
+        if self.estimator is not None:
+            self.estimator.correct.evaluate()
         self.terms.update()
         if self.sensor is not None:
             self.sensor.correct(self.terms.tip()[1], self.wrench)
@@ -281,6 +296,7 @@ class Machine:
             stopped = self._hold(runner, clock)
             if stopped or not (event and self._is_limit(event)):
                 self.earlier[:] = self.applied
+                self.predict()
                 return stopped
         if event and (ticks > 1 or self._is_limit(event)):
             self._change(clock)
@@ -289,13 +305,21 @@ class Machine:
             if self.estimation.on:
                 self.estimation.collect(self.wrench)
             self.earlier[:] = self.applied
+            self.predict()
         return event
+
+    def predict(self) -> None:
+        """Takes note of the torque that the arm has got, by which its velocity is estimated."""
+        if self.estimator is not None:
+            self.estimator.predict.evaluate()
 
     def look(self, clock: float) -> None:
         """Measures at run time `clock` [s] as the current stage does, which commands nothing.
 
         Model terms and outputs are those of this instant; the torque is for the caller to write.
         """
+        if self.estimator is not None:
+            self.estimator.correct.evaluate()
         self.update_terms()
         self.now[1] = clock
         self.live.move(clock)
@@ -431,6 +455,7 @@ class Machine:
             if self.estimation.on:
                 self.estimation.collect(self.wrench)
         self.earlier[:] = self.applied
+        self.predict()
 
     def _end(self, clock: float, event: events.Event, value: float, to: str) -> None:
         self.ended = to or FAIL
