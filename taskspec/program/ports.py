@@ -67,7 +67,9 @@ def signals() -> Fields:
     return (*vectors, *((name, 1) for name, signal in SCALARS.items() if signal.port))
 
 
-def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> Fields:
+def fields(
+    equations: int, followed: int = 0, gains: int = 0, live: int = 0, rubbed: int = 0
+) -> Fields:
     """The outputs of a task's stages; last are those of equations, joints, gains and params.
 
     Args:
@@ -76,6 +78,7 @@ def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> 
         followed: joints that follow references in a stage; 0 where none has a path of joints.
         gains: how many of any stage vary.
         live: params that may be set while a stage runs.
+        rubbed: joints whose friction is compensated.
     """
     on_equations = ("reaction_ref", "reaction", "gap_ref", "reaction_residual")
     return (
@@ -85,13 +88,15 @@ def fields(equations: int, followed: int = 0, gains: int = 0, live: int = 0) -> 
         ("joint_ref", followed),
         *((("gain", gains),) if gains else ()),
         *((("param", live),) if live else ()),
+        *((("friction", rubbed),) if rubbed else ()),
     )
 
 
 def fields_of(task: Task, joints: int) -> Fields:
     """The outputs of the stages of a task, of an arm with some joints."""
     followed = joints if task.in_joints else 0
-    return fields(len(task.equations), followed, len(task.varying_gains), len(task.live))
+    rubbed = 0 if task.control.friction is None else joints
+    return fields(len(task.equations), followed, len(task.varying_gains), len(task.live), rubbed)
 
 
 def now_at_start(task: Task) -> NDArray[np.float64]:

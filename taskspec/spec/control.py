@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from taskspec.spec.joint_friction import FrictionCompensation
 from taskspec.spec.joint_velocity import JointVelocity
 from taskspec.spec.model import Model
 from taskspec.spec.parse_context import ParseContext, span_of
@@ -28,6 +29,7 @@ class Control(Model):
         timeout: how long it goes on with the last value of a sensor or an encoder that gives none
             [s]; then it stops.
         velocity: what it takes the velocity of the joints from.
+        friction: what it compensates of the joints' friction; None for nothing.
     """
 
     noun = "'control'"
@@ -50,6 +52,9 @@ class Control(Model):
         JointVelocity(),
         title="What the velocity of the joints is taken from",
         description="measured, differences of positions, their low-pass, or an observer",
+    )
+    friction: FrictionCompensation | None = Field(
+        None, title="Compensation of the friction that 'robot' declares of its joints"
     )
 
 

@@ -26,7 +26,7 @@ STRETCH = 0.5
 _COMMAND_OUTPUTS = (
     *("force_ref", "position_ref", "velocity_ref", "error", "reaction_ref"),
     *("gap_ref", "reaction_residual", "joint_ref", "gain"),
-    *("path_done", "force_inconsistent", "limited", "limits", "residual"),
+    *("path_done", "force_inconsistent", "limited", "limits", "residual", "friction"),
 )
 #: Squared joint velocities of a sane arm stay far below this.
 _HEALTHY = 1e8

@@ -309,6 +309,7 @@ def _of_joints(robot: RobotModel, task: Task, *, spoiled: bool) -> Iterator[Colu
     beside = beside if spoiled else []
     beside += [("position", REFERENCE, "joint_ref")] if task.in_joints else []
     beside += [("torque", "exerted", f"{TRUE}torque")] if task.truth.of(TORQUE) else []
+    beside += [("torque", "friction", "friction")] if task.control.friction is not None else []
     if not task.robot.takes_torques:
         beside += [(task.robot.command, "command", "command"), ("position", "servo", "servo")]
     for i, turns in enumerate(robot.hinges):

@@ -106,6 +106,7 @@ def outputs(
         ca.SX.nan(followed) if joints is None else joints.position,
         _gains(measurement, commanded),
         ca.SX(0, 1) if measurement.clock.live is None else measurement.clock.live,
+        ca.SX(0, 1) if commanded.friction is None else commanded.friction,
     )
 
 
