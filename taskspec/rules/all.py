@@ -36,6 +36,7 @@ from taskspec.rules import (
     variations,
     contacts,
     bushings,
+    output_feedback,
 )
 
 # isort: on
@@ -58,6 +59,7 @@ __all__ = [
     "loose_bodies",
     "objects",
     "open_loop",
+    "output_feedback",
     "passivity",
     "planned_motion",
     "protection",
