@@ -13,9 +13,9 @@ from taskspec.program.components import ends
 from taskspec.program.plan import TaskPlan
 from taskspec.program.velocity_estimate import VelocityEstimate
 from taskspec.rules import Finding, Phase, error, rule, warning
-from taskspec.spec import FILE
+from taskspec.spec import FILE, KeyPath
 from taskspec.spec.joint_velocity import DIFFERENCES
-from taskspec.stability.loop import Mode, UnfitError
+from taskspec.stability.loop import UnfitError
 from taskspec.stability.margin import grows
 from taskspec.stability.sampled_stage import SampledStage, analyse, loop_of
 from taskspec.text.units import TIME, number, scaled, show
@@ -192,17 +192,15 @@ def over_compensated(task: TaskPlan) -> Iterator[Finding]:
         return
     for name in task.stages:
         sampled = _loop(task, name)
-        mode = None if sampled is None else _unsettled(sampled)
-        if mode is None:
+        if sampled is None or not _grows(sampled):
             continue
         unit = "N*m" if task.context.robot.hinges[i] else "N"
-        how = f"swings at {show(mode.frequency, 'Hz', 2)}"
         yield warning(
             "TS518",
             f"joint {i + 1} gets {show(friction.coulomb[i], unit, 3)} against a friction of which "
             f"there may be {show(float(least[i]), unit, 3)}: what is too much acts as a spring of "
-            f"{_spring(friction, i)} about the reference, with which stage {name!r} {how}, "
-            "and nothing ensures that it settles",
+            f"{_spring(friction, i)} about the reference, with which stage {name!r} is not stable "
+            "as it is sampled: it may hunt",
             place,
             "compensate a smaller share, or widen its sign: control: {friction: {share: "
             f"{100 * task.context.loaded.task.control.friction.share:.0f} %, "
@@ -215,21 +213,18 @@ def _spring(friction: Compensation, joint: int) -> str:
     return show(friction.stiffness(joint), "N*m/rad", 3)
 
 
-def _unsettled(sampled: SampledStage) -> Mode | None:
-    """The mode that grows with the compensation's own stiffness; None where all settle."""
+def _grows(sampled: SampledStage) -> bool:
+    """Whether a stage is not stable with the compensation's own stiffness."""
     compensated = sampled.stage.compensated
     assert compensated is not None
     other = analyse(replace(sampled.stage, closed_form=compensated))
-    if other is None:
-        return None
     try:
-        first = other.modes()[0]
+        return other is not None and any(grows(mode) for mode in other.modes())
     except UnfitError:
-        return None
-    return first if grows(first) else None
+        return False
 
 
-def _least_friction(task: TaskPlan) -> tuple[Vector, object]:
+def _least_friction(task: TaskPlan) -> tuple[Vector, KeyPath]:
     """(n,) least friction that joints may have [N m, N], and where the file says so."""
     context = task.context
     loaded, n = context.loaded, context.robot.n

@@ -251,7 +251,7 @@ class Encoder(Model):
 
     noun = "an encoder"
     example = "encoder: {resolution: 0.1 mrad}"
-    short: ClassVar = ForJoints(ANGLE).json()
+    short: ClassVar = Constant(ANGLE, least=0).json()
 
     resolution: Annotated[tuple[float, ...], ForJoints(ANGLE)] = Field(
         (0.0,), title="Resolution", description="From line to line: one for all, or one for each"
