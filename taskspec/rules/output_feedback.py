@@ -109,8 +109,8 @@ def coarse_encoders(task: TaskPlan) -> Iterator[Finding]:
     declared = loaded.task.robot.encoder is not None
     yield warning(
         "TS349",
-        f"the lines of the encoders may move the torque of joint {i + 1} by {show(noise_i, unit, 3)} "
-        f"in stage {name!r}, {100 * share:.0f} % of what it can exert",
+        f"the lines of the encoders may move the torque of joint {i + 1} by "
+        f"{show(noise_i, unit, 3)} in stage {name!r}, {100 * share:.0f} % of what it can exert",
         FILE.robot.encoder if declared else FILE.truth,
         _REMEDY_OF_NOISE[_kind(estimate)],
     )

@@ -58,7 +58,9 @@ class LinearEstimate:
         if estimate is None:
             return None
         n = context.robot.n
-        x, q, u, w = (ca.SX.sym(name, k) for name, k in (("x", 2 * n), ("q", n), ("u", n), ("w", 6)))
+        x, q, u, w = (
+            ca.SX.sym(name, k) for name, k in (("x", 2 * n), ("q", n), ("u", n), ("w", 6))
+        )
         acceleration = None
         if estimate.modelled:
             H, J = ca.SX(ca.DM(context.start_inertia)), ca.SX(ca.DM(context.start_jacobian))
@@ -245,7 +247,9 @@ class Operating:
         slots = _feedback_slots(torque[:, count:], memory[:, count:])
         kept = [*range(count), *(count + s for s in slots)]
         estimate = LinearEstimate.of(self.context)
-        return LinearController(torque[:, kept], memory[np.ix_(slots, kept)], tuple(slots), estimate)
+        return LinearController(
+            torque[:, kept], memory[np.ix_(slots, kept)], tuple(slots), estimate
+        )
 
     @property
     def _measured(self) -> int:

@@ -18,7 +18,7 @@ from taskspec.spec.joint_velocity import JointVelocity
 from taskspec.stability.sampled_stage import analyse, loop_of
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "theory"))
-from identify import poles  # noqa: E402
+from identify import poles
 
 T = 1e-3
 TASKS = Path(__file__).resolve().parents[2] / "tasks"
@@ -165,24 +165,25 @@ expect: []
 
 
 @pytest.mark.parametrize(
-    ("velocity", "stiffness", "damping", "order"),
+    ("velocity", "stiffness", "damping"),
     [
-        ("{filter: 5 Hz}", "1 kN/m", "40 N*s/m", 3),
-        ("{filter: 2 Hz}", "2 kN/m", "150 N*s/m", 3),
-        ("{observer: 3 Hz}", "1 kN/m", "15 N*s/m", 2),
+        ("{filter: 5 Hz}", "1 kN/m", "40 N*s/m"),
+        ("{filter: 2 Hz}", "2 kN/m", "150 N*s/m"),
+        ("{observer: 3 Hz}", "1 kN/m", "15 N*s/m"),
     ],
 )
-def test_rates_of_runs_are_those_of_the_sampled_loop(velocity, stiffness, damping, order, simulate):
-    """2 %: a motion of 2 mm changes inertia by less than 1 %."""
+def test_rates_of_runs_are_those_of_the_sampled_loop(velocity, stiffness, damping, simulate):
+    """Of the mode that a motion of 2 mm along x leaves, beside others that are fitted as well."""
     given = {"model": "planar2", "start": "400 mm, 200 mm, 0"}
     given |= {"velocity": velocity, "stiffness": stiffness, "damping": damping}
     run = simulate(STEP.format(**given))
     sampled = loop_of(run.program.plan, "step")
     assert sampled is not None
-    response = run.during("step", "error.x", 0.3, 1.5)
-    found = next(s for s in poles(response, order, T, 10) if s.imag > 1)
-    predicted = min((m.s for m in sampled.modes() if m.s.imag > 1), key=lambda s: abs(s - found))
-    assert abs(found - predicted) < 0.02 * abs(predicted)
+    predicted = next(mode.s for mode in sampled.modes() if mode.s.imag > 1)
+    fitted = poles(run.during("step", "error.x", 0.22, 0.92), 6, T, 10)
+    off = np.abs(fitted - predicted).min()
+    # Rates, as they are less than the frequencies of these modes, to 2 %.
+    assert off < 0.02 * abs(predicted.real)
 
 
 RUBS = """\
@@ -215,7 +216,7 @@ def test_what_is_compensated_is_the_equation_and_never_gives_energy(seed, simula
     terms = PinocchioTerms(run.program.context.robot)
     error = np.column_stack([run[f"error.{a}"] for a in ("x", "y", "z", "rx", "ry", "rz")])
     rate = np.column_stack([run[f"velocity.{a}.ref"] for a in ("x", "y", "z", "rx", "ry", "rz")])
-    q = joints(run, "position")
+    q, gained = joints(run, "position"), []
     for k in range(0, len(q), 7):
         terms.at(q[k], v[k])
         H, J = terms.inertia, terms.jacobian
@@ -225,35 +226,41 @@ def test_what_is_compensated_is_the_equation_and_never_gives_energy(seed, simula
         sign = np.sin(np.arctan(wanted))
         own = 0.8 * (given["declared"] * sign + 0.5 * moved)
         np.testing.assert_allclose(u[k], own, atol=1e-10)
-    # The viscous part is the reference's, and no part of this.
-    coulomb = np.abs(u).max() - 0.4 * np.abs(v).max()
-    assert coulomb < 0.8 * given["declared"] <= given["true"]
+        # The viscous part is the reference's, and no part of this.
+        power = v[k] * (u[k] - 0.4 * moved) - given["true"] * np.abs(v[k])
+        assert (power <= 0).all()
+        gained.append(power.min())
+    assert min(gained) < -1e-3
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_joints_rest_within_the_bound(seed, simulate) -> None:
-    """|K e + u_f| <= tau in each joint where the arm has come to rest."""
+    """|K e + u_f| <= tau in each joint where the arm has come to rest, nearer than without."""
     given = rubbing(seed)
-    run = simulate(RUBS.format(**given))
-    assert np.abs(joints(run, "velocity")[-1]).max() < 2e-3
+    text = RUBS.format(**given).replace("time: 1.2 s", "time: 1.5 s")
+    run = simulate(text)
     pull = joints(run, "torque")[-1]
     terms = PinocchioTerms(run.program.context.robot)
     terms.at(joints(run, "position")[-1], 0 * pull)
-    held = np.abs(pull - terms.gravity)
-    # MuJoCo lets a joint that friction holds creep: 1 % of the friction.
-    assert held.max() <= given["true"] * 1.01
-    assert held.max() > 0.05 * given["true"]
+    # MuJoCo lets a joint that friction holds creep: by less than 1 % of the friction.
+    assert np.abs(pull - terms.gravity).max() <= given["true"] * 1.01
+    start, end = text.index("control:"), text.index("law:")
+    plain = simulate(text[:start] + text[end:])
+    far = [np.linalg.norm([each[f"error.{a}"][-1] for a in "xyz"]) for each in (run, plain)]
+    assert far[0] < far[1]
 
 
 def test_the_root_of_the_bound() -> None:
     c = Compensation((0.8,), (0.0,), 0.01, 0.1)
-    e = c.rests_within(0, 100.0, 1.0)
-    assert 100 * e + 0.8 * e / np.hypot(e, 1e-3) == pytest.approx(1.0)
-    assert e == pytest.approx((1 - 0.8) / 100, rel=0.1)
+    e = c.rests_within(0, 10.0, 1.0)
+    assert 10 * e + 0.8 * e / np.hypot(e, 1e-3) == pytest.approx(1.0)
+    assert e == pytest.approx((1 - 0.8) / 10, rel=0.01)
     assert c.stiffness(0) == pytest.approx(800)
 
 
-@pytest.mark.parametrize(("width", "true", "hunts"), [(10, 0, False), (0.3, 0, True), (0.3, 0.8, False)])
+@pytest.mark.parametrize(
+    ("width", "true", "hunts"), [(10, 0, False), (0.3, 0, True), (0.3, 0.8, False)]
+)
 def test_too_much_compensation_hunts_where_its_loop_is_unstable(width, true, hunts, simulate):
     given = {"declared": 1, "true": true, "width": width, "x": 20, "y": 0, "k": 1, "side": 0}
     run = simulate(RUBS.format(**given).replace("0.5 N*m*s/rad", "0"))
@@ -285,7 +292,7 @@ def verdicts():
 
     def judged(text: str) -> list[bool]:
         program = compile_unchecked(load_text(text, "task.yaml"))
-        found = [v.status == "met" for v in trial(program).judged.verdicts]
+        found = [each.passed for each in trial(program).judged]
         assert found
         return found
 

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.program.bound import BoundFunction
-from taskspec.program.context import Context
 from taskspec.program.velocity_estimate import VelocityEstimate
 from taskspec.robot import RobotModel, model_terms
 
@@ -52,9 +51,7 @@ class VelocityEstimator:
         before, q = ca.SX.sym("predicted", 2 * n), ca.SX.sym("q", n)
         now = estimate.correct(before, q)
         function = ca.Function("corrected", [before, q], [now, now[n:]], {"cse": True})
-        self.correct = BoundFunction(
-            function, [self.predicted, self._q], [corrected, self._v]
-        )
+        self.correct = BoundFunction(function, [self.predicted, self._q], [corrected, self._v])
         known, u, f = ca.SX.sym("corrected", 2 * n), ca.SX.sym("u", n), ca.SX.sym("wrench", 6)
         given, arrays, acceleration = [known], [corrected], None
         if estimate.modelled:
