@@ -4,7 +4,7 @@ A world is drawn by seed: what `truth` has of it is hidden from the file that is
 of `--tasks judge` are those of docs/identify.md; nothing was developed with them.
 
     python campaigns/identified_worlds.py --seed 7 --worlds 60 --tasks develop
-    python campaigns/identified_worlds.py --seed 97 --worlds 500 --page docs/identify.md
+    python campaigns/identified_worlds.py --seed 211 --worlds 500 --tasks judge
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from taskspec.geometry.rotation import from_rpy
 from taskspec.program.components import value_of
 from taskspec.program.program import Program
 from taskspec.spec import load_text
+from taskspec_runner.errors import InputError
 from taskspec_runner.identify import Estimate, identify
 from taskspec_runner.identify.poses import rpy_of
 from taskspec_runner.trial.trial import trial
@@ -376,7 +377,10 @@ def rows_of(which: str, name: str, seed: int, world: int) -> list[Row]:
     run = trial(program, World(context.loaded.true_task, seed=1000 * seed + world))
     file = compile_unchecked(load_text(plain, f"{hidden.name}.yaml"))
     begun = time.process_time()
-    found = identify(file, [run.history], level=LEVEL)
+    try:
+        found = identify(file, [run.history], level=LEVEL)
+    except InputError:  # A run that a limit stopped at once.
+        return []
     seconds = time.process_time() - begun
     span = len(run.history) * context.period
     return [
@@ -463,12 +467,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if world not in there
         }
         for future in as_completed(waiting):
+            if future.exception():
+                pool.shutdown(cancel_futures=True)
             found = future.result()
             rows += found
             file.write("".join(json.dumps(asdict(row)) + "\n" for row in found))
             file.flush()
             sys.stderr.write(f"\r{len({row.world for row in rows})} of {given.worlds} worlds")
-    text = page_table([row for row in rows if row.world < given.worlds], given.seed)
+    text = page_table([row for row in rows if row.world < given.worlds], given.seed, given.worlds)
     sys.stdout.write(f"\n{text}\n")
     if given.page is not None:
         whole = given.page.read_text(encoding="utf-8")
@@ -477,8 +483,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         given.page.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
 
 
-def page_table(rows: Sequence[Row], seed: int) -> str:
-    """What a page has of it."""
+def page_table(rows: Sequence[Row], seed: int, drawn: int) -> str:
+    """What a page has of it.
+
+    Args:
+        rows: of all values.
+        seed: of the worlds.
+        drawn: how many there are.
+    """
     lines = [*table(rows)]
     made = [" | ".join(line) for line in (lines[0], ["---"] * len(lines[0]), *lines[1:])]
     worlds = len({row.world for row in rows})
@@ -488,9 +500,10 @@ def page_table(rows: Sequence[Row], seed: int) -> str:
     right = sum(row.low <= row.true <= row.high for row in delays)
     held = [row.low <= row.true <= row.high for row in rows if counted(row)]
     return (
-        f"Seed {seed}, {worlds} worlds. Of all {len(held)} intervals {100 * np.mean(held):.1f} % "
-        f"hold. The delay in ticks is right in {right} of {len(delays)}. Processor time for a log "
-        f"of 10 s: {rates[len(rates) // 2]:.1f} s in the median, {rates[-1]:.1f} s at most.\n\n"
+        f"Seed {seed}, {worlds} worlds of {drawn}; the other runs were stopped at once. "
+        f"Of all {len(held)} intervals {100 * np.mean(held):.1f} % hold. The delay in ticks is "
+        f"right in {right} of {len(delays)}. Processor time for a log of 10 s: "
+        f"{rates[len(rates) // 2]:.1f} s in the median, {rates[-1]:.1f} s at most.\n\n"
         + "\n".join(f"| {line} |" for line in made)
     )
 

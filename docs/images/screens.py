@@ -1,4 +1,4 @@
-"""Makes the pictures of pages as a browser shows them: reports, a run, a comparison, a sweep.
+"""Makes the pictures of pages as a browser shows them: reports, a run, a comparison, others.
 
     python docs/images/screens.py
 
@@ -38,6 +38,13 @@ COMPARED = "wipe-2"
 LAWS = ("hybrid", "parallel", "impedance", "pd")
 #: The task that is swept.
 SWEPT = HERE.parent / "how-to" / "sweep.yaml"
+#: The task that is identified, and the world that it was run in.
+IDENTIFIED = HERE.parent / "how-to" / "identify.yaml"
+HIDDEN = (
+    "world.bench.stiffness=22 kN/m",
+    "world.bench.friction=0.31",
+    "world.bench.xyz=[0, 0, 299.6 mm]",
+)
 #: The task whose slider is moved, which one, by which key, and at what run time [s].
 MOVED, SLIDER, KEY, MOVED_AT = HERE.parent / "how-to" / "watch.yaml", "live-press", "Home", 2
 #: Run time at which the page of a run that goes on is taken [s].
@@ -61,6 +68,7 @@ def main() -> None:
                 shoot(browser, page, f"{name}-{size}.png", size)
         shoot(browser, compared(Path(folder) / "compare"), "compare-desktop.png", "desktop")
         shoot(browser, swept(Path(folder) / "sweep"), "sweep-desktop.png", "desktop")
+        shoot(browser, identified(Path(folder)), "identify-desktop.png", "desktop")
         watch(browser, Path(folder) / "watch")
         slide(browser, Path(folder) / "slide")
 
@@ -78,10 +86,19 @@ def swept(out: Path) -> Path:
     return out / "sweep.html"
 
 
-def command(*words: str) -> None:
-    """Runs a command; its exit code 1 says that something was missed, which is to be seen."""
+def identified(folder: Path) -> Path:
+    """The page of a task that was run in a world that is not its file's."""
+    hidden = [word for value in HIDDEN for word in ("--set", f"truth.{value}")]
+    named, page = str(IDENTIFIED), "identified.html"
+    command("run", named, "--out", "runs/press", *hidden, folder=folder)
+    command("identify", named, "runs/press", "--what", "world", "--page", page, folder=folder)
+    return folder / page
+
+
+def command(*words: str, folder: Path | None = None) -> None:
+    """Runs a command, in a folder; exit code 1, something missed, is to be seen."""
     line = [sys.executable, "-m", "taskspec_runner", *words]
-    done = subprocess.run(line, capture_output=True, check=False)
+    done = subprocess.run(line, capture_output=True, check=False, cwd=folder)
     if done.returncode not in (0, 1):
         sys.exit(done.stderr.decode())
 

@@ -103,7 +103,7 @@ def _axis(word: str, scope: Scope) -> tuple[str, str, str]:
 def _single(word: str, scope: Scope) -> tuple[str, str, str]:
     """Code, message and hint for a name without dots."""
     if word in UNITS:
-        return "TS120", f"'{word}' is a unit", f"a unit follows a number, as in '1 {word}'"
+        return "TS120", f"'{word}' is a unit", f"a unit follows its number without a '*': 1 {word}"
     if word in FUNCTIONS or word in REDUCERS:
         return "TS120", f"'{word}' is a function", f"write its argument: {word}(…)"
     if word in signals.words() or word in signals.CLOCKS:

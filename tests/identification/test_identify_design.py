@@ -134,6 +134,7 @@ def test_the_command_writes_a_file_and_says_what_is_assumed(tmp_path: Path) -> N
     assert result.exit_code == 0, result.output
     data = json.loads(result.stdout)
     assert data["met"]
+    assert data["unidentified"] == []
     assert any("has no noise" in each for each in data["remarks"])
     assert load_text(out.read_text(encoding="utf-8"), "out.yaml").task.name == "bench-identify"
 

@@ -8,10 +8,10 @@ from statistics import NormalDist
 import pytest
 
 from hidden_worlds import press, program, run, true
-from taskspec_runner.cli.identify import surprises
 from taskspec_runner.errors import InputError
 from taskspec_runner.identify import identify
 from taskspec_runner.identify.outside import interval
+from taskspec_runner.identify.residual import surprises
 from taskspec_runner.identify.written import set_lines
 
 NOISE = "{noise: {force: 0.15 N, torque: 8 mN*m}}"
@@ -98,7 +98,7 @@ def test_noise_that_the_file_does_not_have_is_warned_of() -> None:
     excess = {each.channel: each.excess for each in found.residuals if each.surprising}
     assert {"force.x", "force.y", "force.z"} <= set(excess)
     assert excess["force.x"] == pytest.approx(4, rel=0.1)
-    (line,) = surprises(found)
+    (line,) = surprises(found.residuals)
     assert "intervals are too narrow" in line
 
 

@@ -220,3 +220,18 @@ def test_the_command(tmp_path: Path) -> None:
     assert "did you mean 'world.bench.stiffness'" in wrong.output
     none = runner.invoke(app, ["identify", str(file), str(tmp_path / "nothing")])
     assert none.exit_code == 2
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_a_payload_has_no_negative_mass(seed: int) -> None:
+    """Of a short, noisy log without a payload the best mass would be negative, which no arm has."""
+    sensor = "  sensor: {at: wrist, noise: {force: 0.2 N, torque: 10 mN*m}}\n"
+    text = SWING.replace("  start:", f"{sensor}  start:")
+    truth = {"robot.sensor.bias": "[1 N, -1 N, 2 N, 0.1 N*m, 0, 0]"}
+    _, whole = run(text, truth, seed)
+    columns = {name: values[:24] for name, values in whole.columns.items()}
+    found = identify(program(text), [replace(whole, columns=columns, stages=whole.stages[:24])])
+    payload = found.task.robot.payload
+    assert payload is None or payload.mass >= 0
+    mass = [e for e in found.estimates if e.path == "robot.payload.mass"]
+    assert mass == [] or mass[0].low == 0.0

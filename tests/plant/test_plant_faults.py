@@ -163,6 +163,23 @@ def test_true_torque_stands_beside_the_command(simulate):
     assert (share[at + 100 :] == 1.0).all()
 
 
+def test_noise_of_torques_is_not_that_of_the_sensor(simulate):
+    """Devices are noisy each for itself: a correlation would look like physics."""
+    sensor = PRESS.replace("panda}", "panda, sensor: {noise: {force: 1 N}}}").replace("486", "400")
+    run = simulate(f"{sensor}truth: {{faults: [{{torque: noise 1 N*m}}]}}\n")
+    free = slice(0, 300)
+    force = np.array([run[f"force.{axis}.measured"][free] for axis in "xyz"])
+    torque = np.array(
+        [run[f"joint.{i}.torque.exerted"] - run[f"joint.{i}.torque"] for i in range(1, 8)]
+    )[:, free]
+    assert force.std(axis=1) == pytest.approx(1.0, rel=0.15)
+    assert torque.std(axis=1) == pytest.approx(1.0, rel=0.15)
+    for lag in (0, 1):
+        found = np.corrcoef(force[:, lag:], torque[:, : torque.shape[1] - lag])[:3, 3:]
+        # 21 pairs of independent noise: four deviations of a correlation of 300 ticks.
+        assert np.abs(found).max() < 4 / 300**0.5
+
+
 @pytest.mark.parametrize(("device", "more"), [("sensor", ""), ("encoder", ", joint: 2")])
 def test_silence_is_borne_for_a_while(simulate, device, more):
     short = f"truth: {{faults: [{{{device}: drops{more}, at: 0.4 s, for: 20 ms}}]}}\n"

@@ -216,6 +216,19 @@ def test_task_that_is_wrong_raises_everything_that_was_found(tmp_path: Path) -> 
         load(tmp_path / "tap.yaml", set={"press": "5"})
 
 
+def test_values_are_overridden_by_what_a_file_would_have(tmp_path: Path) -> None:
+    (tmp_path / "tap.yaml").write_text(TAP)
+    given = {"limits": {"force": "33 N"}, "robot.start.xyz": ["480 mm", 0, "320 mm"]}
+    task = load(tmp_path / "tap.yaml", set=given).task
+    assert task.limits is not None
+    assert task.limits.force == 33.0
+    assert task.robot.start.xyz == pytest.approx((0.48, 0.0, 0.32))
+    with pytest.raises(SpecError, match="TS112"):
+        load(tmp_path / "tap.yaml", set={"press": 5})
+    with pytest.raises(TypeError, match="not JSON serializable"):
+        load(tmp_path / "tap.yaml", set={"press": object()})
+
+
 def test_export(result: Run, tmp_path: Path) -> None:
     assert result.export("csv", tmp_path / "x.csv").read_text().startswith("clock [s],")
     with pytest.raises(InputError, match="there is no format 'cvs'; did you mean 'csv'"):

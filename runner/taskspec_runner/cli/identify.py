@@ -19,10 +19,11 @@ from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.options import IdentifyOptions
 from taskspec_runner.errors import InputError, OutputError
 from taskspec_runner.exit_codes import WELL
-from taskspec_runner.identify.held_out import Prediction
 from taskspec_runner.identify.identification import Identification, identify
+from taskspec_runner.identify.residual import ChannelResidual, surprises
 from taskspec_runner.identify.written import file_values, set_lines, shown, unit_of
 from taskspec_runner.record.folder import plain
+from taskspec_runner.record.whole import check_writable
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 def identify_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
     """Identifies values of a task from logs, and shows them."""
-    target = _target(file, chosen)
+    target, page = _target(file, chosen), _page(chosen)
     loaded = load(file, chosen.sets)
     with console(err=True).status("identify") as status:
         found = identify(
@@ -44,12 +45,16 @@ def identify_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
         )
     if target is not None:
         _write(found, target)
+    if page is not None:
+        _write_page(found, page)
     if chosen.form is RunFormat.JSON:
         typer.echo(json.dumps(plain(found.as_data()), indent=2, ensure_ascii=False))
     else:
         _show(found)
     if target is not None:
         typer.echo(f"file: {target}", err=chosen.form is RunFormat.JSON)
+    if page is not None:
+        typer.echo(f"page: {page}", err=chosen.form is RunFormat.JSON)
     return WELL
 
 
@@ -68,6 +73,33 @@ def _target(file: Path, chosen: IdentifyOptions) -> Path | None:
     if file == STDIN and chosen.write:
         raise InputError("standard input cannot be written; give --patch OUT.YAML")
     return file if chosen.write else chosen.patch
+
+
+def _page(chosen: IdentifyOptions) -> Path | None:
+    """Where the page goes, if anywhere.
+
+    Raises:
+        InputError: it has not the name of a page.
+        OutputError: it cannot be written.
+    """
+    page = chosen.page
+    if page is None:
+        return None
+    if page.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"--page writes HTML, not '{page.name}'; give it a name such as page.html")
+    check_writable(page)
+    return page
+
+
+def _write_page(found: Identification, page: Path) -> None:
+    """Writes the page.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    from taskspec_runner.identify.page import write_page
+
+    write_page(found, page)
 
 
 def _write(found: Identification, target: Path) -> None:
@@ -102,8 +134,8 @@ def _show(found: Identification) -> None:
     for line in _untold(found):
         show(Text(line, "yellow"))
     typer.echo(_left(found))
-    for line in surprises(found):
-        show(Text(line, "yellow"))
+    for line in surprises(found.residuals):
+        show(Text(f"warning: {line}", "yellow"))
     for each in found.held_out:
         typer.echo(_held_out(each))
     if found.estimates:
@@ -138,12 +170,12 @@ def _untold(found: Identification) -> Iterator[str]:
         yield f"the logs show nothing of: {', '.join(found.unseen)}"
 
 
-def _held_out(found: Prediction) -> str:
+def _held_out(found: ChannelResidual) -> str:
     """What is predicted of a channel of a log that nothing was identified from."""
     return (
         f"held out, {found.log}: {found.channel} is predicted to {found.rms:.3g} {found.unit} rms, "
         f"{found.share:.1%} of its peak of {found.peak:.3g} {found.unit}, where "
-        f"{found.predicted:.3g} {found.unit} is predicted"
+        f"{found.at_peak:.3g} {found.unit} is predicted"
     )
 
 
@@ -154,20 +186,3 @@ def _left(found: Identification) -> str:
         if each.size > 0
     ]
     return f"left unexplained, rms: {', '.join(parts)}"
-
-
-def surprises(found: Identification) -> Iterator[str]:
-    """A warning for each log that has more in it than the identified world and noise."""
-    for log in dict.fromkeys(each.log for each in found.residuals):
-        own = [each for each in found.residuals if each.log == log and each.surprising]
-        if not own:
-            continue
-        parts = [
-            f"{each.channel} {each.rms:.3g} {each.unit}, {each.excess:.3g} times the noise"
-            for each in sorted(own, key=lambda each: -each.excess)
-        ]
-        yield (
-            f"warning: {log} has more than the identified values and the sensor's noise explain, "
-            f"so the intervals are too narrow: {'; '.join(parts)}. Something else acts (another "
-            "surface, a cable, a tool that bends), or robot.sensor.noise is not the sensor's"
-        )

@@ -13,6 +13,7 @@ from taskspec_runner.cli.console import console, show, table
 from taskspec_runner.cli.formats import RunFormat
 from taskspec_runner.cli.loading import load
 from taskspec_runner.cli.options import IdentifyOptions
+from taskspec_runner.errors import InputError
 from taskspec_runner.exit_codes import MISSED, WELL
 from taskspec_runner.identify.design import DesignedTask, design
 from taskspec_runner.identify.identification import Identification, identify
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 def design_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
     """Designs a task that identifies what is wanted, by default what the logs do not tell."""
     assert chosen.design is not None
+    if chosen.page is not None:
+        raise InputError("--page shows what logs say; give it without --design")
     loaded = load(file, chosen.sets)
     level, what = chosen.level / 100, chosen.paths
     with console(err=True).status("design") as status:
@@ -34,7 +37,7 @@ def design_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
         if logs:
             known = identify(loaded, logs, None, level, chosen.columns)
             if what is None:
-                what = _untold(known)
+                what = _unidentified(known)
         made = design(
             loaded,
             what,
@@ -52,8 +55,8 @@ def design_task(file: Path, logs: list[Path], chosen: IdentifyOptions) -> int:
     return WELL if made.met else MISSED
 
 
-def _untold(known: Identification) -> list[str] | None:
-    """Paths of values that logs do not tell; all where they tell everything."""
+def _unidentified(known: Identification) -> list[str] | None:
+    """Paths of values that logs do not identify; all where they identify everything."""
     names = [*known.unseen, *(name for group in known.confounded for name in group.names)]
     paths = [name.split(" ")[0] for name in names]
     return [*dict.fromkeys(paths)] or None
@@ -63,8 +66,8 @@ def _show(made: DesignedTask, chosen: IdentifyOptions) -> None:
     from rich.text import Text
 
     show(_table(made, chosen))
-    for name in made.untold:
-        show(Text(f"it tells nothing of {name}", "yellow"))
+    for name in made.unidentified:
+        show(Text(f"it does not identify {name}", "yellow"))
     for remark in made.remarks:
         typer.echo(remark)
     typer.echo(

@@ -395,6 +395,13 @@ class IdentifyOptions(OverrideOptions):
     write: Annotated[bool, typer.Option("--write", help="The same, into the task file itself.")] = (
         False
     )
+    page: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OUT.HTML",
+            help="Write a page: values, intervals, and each log beside what is predicted of it.",
+        ),
+    ] = None
     design: Annotated[
         Path | None,
         typer.Option(

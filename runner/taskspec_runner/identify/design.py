@@ -79,7 +79,7 @@ class DesignedTask:
     Attributes:
         text: of its file.
         predicted: of each value that it tells.
-        untold: names of wanted values that it does not tell.
+        unidentified: names of wanted values that it does not identify.
         remarks: about what was assumed.
         duration: of its trial [s].
         peak: largest force in trials [N].
@@ -88,7 +88,7 @@ class DesignedTask:
 
     text: str
     predicted: tuple[Predicted, ...]
-    untold: tuple[str, ...]
+    unidentified: tuple[str, ...]
     remarks: tuple[str, ...]
     duration: float
     peak: float
@@ -97,7 +97,7 @@ class DesignedTask:
     @property
     def met(self) -> bool:
         """Whether every wanted value would be known as well as wanted."""
-        return not self.untold and all(each.met for each in self.predicted)
+        return not self.unidentified and all(each.met for each in self.predicted)
 
     def as_data(self) -> dict[str, Any]:
         """For scripts, in SI."""
@@ -110,7 +110,7 @@ class DesignedTask:
                 each.estimate.as_data() | {"half": each.half, "wanted": each.wanted}
                 for each in self.predicted
             ],
-            "untold": list(self.untold),
+            "unidentified": list(self.unidentified),
             "remarks": list(self.remarks),
         }
 
@@ -183,11 +183,11 @@ def design(
         found = identify(made, [run.history], what, level)
         predicted = tuple(_predicted(found.estimates, wanted, width))
         found_names = {each.estimate.name for each in predicted}
-        untold = tuple(
+        unidentified = tuple(
             each.name for each in wanted if not any(n.startswith(each.name) for n in found_names)
         )
         best = DesignedTask(
-            written, predicted, untold, remarks, run.outcome.clock, peak, press.limit
+            written, predicted, unidentified, remarks, run.outcome.clock, peak, press.limit
         )
         if all(each.met for each in predicted):
             break

@@ -21,6 +21,8 @@ class Estimate:
         deviation: standard deviation [SI].
         declared: what the file has [SI], or what stands for it.
         dimension: of the value.
+        exact: whether the interval says nothing of how far worlds may differ: arithmetic makes
+            more of it than noise does, or all delays in it read alike.
     """
 
     path: str
@@ -32,6 +34,7 @@ class Estimate:
     deviation: float
     declared: float
     dimension: Dimension
+    exact: bool = False
 
     @property
     def name(self) -> str:

@@ -51,7 +51,7 @@ _MOST_STEPS, _FEW_STEPS, _FEWER_STEPS = 60, 12, 4
 _MOST_DELAYS, _ABOVE = 6, 1.3
 #: Steps that are this share of the deviations end the iterations.
 _SMALL = 1e-2
-#: Noise that differs by a smaller share is the same, and stays once steps are so many deviations.
+#: Noise that differs by a smaller share is the same; steps of so many deviations are near the end.
 _SAME, _NEAR_END = 1e-2, 0.5
 #: So do steps by which the sum of squares, of unit size each, becomes smaller by less.
 _LITTLE = 1e-3
@@ -177,7 +177,7 @@ class LogProblem:
             elif parameter.path.endswith(".friction"):
                 # Less is as good as none, and changes nothing.
                 found[i] = LEAST_FRICTION
-            elif parameter.path == FILTER:
+            elif parameter.path in (FILTER, f"{PAYLOAD}.mass"):
                 found[i] = 0.0
         return found
 
@@ -569,17 +569,20 @@ class _Search:
     def _with_filters(self, taken: Mask, of: Sequence[str]) -> None:
         """Trades the filter's lag for ticks of delay, as long as that fits better.
 
-        Both come late alike, so it is a valley with a bend, which nothing linear sees across.
+        Both come late alike, so it is a valley with a bend, which nothing linear sees across. Steps
+        along it are twice as wide each time; near the end `_with_delays` tries all ticks.
         """
         problem, period = self.problem, self.problem.period
         lag = [i for i, p in enumerate(problem.continuous) if p.path == FILTER and taken[i]]
         self._aside(taken, of)
         best = self._cost(of)
         for way in (-1, 1) if lag and problem.delay is not None else ():
-            while self.ticks + way >= 0:
+            later = way
+            while self.ticks + later >= 0:
                 before = self.values, self.ticks
-                self.values, self.ticks = self.values.copy(), self.ticks + way
-                self.values[lag] = np.maximum(self.values[lag] - way * period, 0.0)
+                self.values, self.ticks = self.values.copy(), self.ticks + later
+                self.values[lag] = np.maximum(self.values[lag] - later * period, 0.0)
+                later *= 2
                 self._descended(taken, of, last=False, most=_FEWER_STEPS)
                 self._aside(taken, of)
                 cost = self._cost(of)
@@ -712,8 +715,8 @@ class _Search:
         scales = problem.scales[taken]
         blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
         noises = noises_of(blocks, order)
-        damping = 1e-6
-        for number in range(_MOST_STEPS if last else most):
+        damping, near = 1e-6, 0
+        for _ in range(_MOST_STEPS if last else most):
             problem.metric = problem.task(self.values, self.delay)
             M, g, total, _ = normal_equations(blocks, noises, scales)
             home = ((problem.declared - self.values) / problem.scales)[taken]
@@ -738,15 +741,15 @@ class _Search:
             self.values, problem.metric = tried, None
             blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
             renewed = noises_of(blocks, order)
-            change = np.max(np.abs(move) / deviations, initial=0.0)
-            # Near the end noise stays, or its order may go to and fro without end.
-            same = _alike(noises, renewed)
-            if not (same and change < _NEAR_END):
+            change = float(np.max(np.abs(move) / deviations, initial=0.0))
+            near += change < _NEAR_END
+            # Near the end noise is renewed once more, or its order may go to and fro without end.
+            same = near > 1 or _alike(noises, renewed)
+            if near <= 1:
                 noises = renewed
             damping = max(damping / 10, 1e-9)
             small = _SMALL if last else 0.1
-            to_and_fro = number > _FEW_STEPS and change < _NEAR_END
-            if (change < small and same) or gain < _LITTLE or to_and_fro:
+            if (change < small and same) or gain < _LITTLE:
                 return
 
     def _move(

@@ -14,17 +14,16 @@ from numpy.typing import NDArray
 from taskspec.compiler import compile_unchecked
 from taskspec.deferred_methods import dataclass
 from taskspec.program.program import Program
-from taskspec.program.sensor import SensorModel
 from taskspec.spec import LoadedTask, Task
-from taskspec.spec.robot import Noise
 from taskspec.text.units import Dimension, si_unit
 from taskspec_runner.identify.estimate import Estimate
-from taskspec_runner.identify.fit import KNOWN, WRENCH, Fit, LogProblem, fit
-from taskspec_runner.identify.held_out import Prediction, predictions
+from taskspec_runner.identify.fit import KNOWN, Fit, LogProblem, fit
+from taskspec_runner.identify.held_out import predictions
 from taskspec_runner.identify.logs import check_log, open_log
 from taskspec_runner.identify.model import LogModel
 from taskspec_runner.identify.outside import Outside
 from taskspec_runner.identify.parameters import parameters_of
+from taskspec_runner.identify.residual import ChannelResidual, residuals
 from taskspec_runner.record.history import History
 
 Vector = NDArray[np.float64]
@@ -37,10 +36,6 @@ LEVEL = 0.9
 #: Of how far a value may plausibly be off, what it is known to at best: logs without noise leave
 #: what iterations end at and differences miss.
 _ARITHMETIC = 1e-7
-#: Of a channel, what is left of it by arithmetic alone.
-_ROUNDED = 1e-6
-#: Residuals that are so many times as large as their noise are not noise alone.
-_SURPRISING = 1.25
 #: Of a tick, by which a delay is longer than those that are rounded up to the one before.
 _PART = 1e-3
 
@@ -90,45 +85,6 @@ class Group:
         return {"names": list(self.names), "known": [each.as_data() for each in self.known]}
 
 
-@dataclass(frozen=True, slots=True)
-class ChannelResidual:
-    """What the identified world does not explain of one channel of a log.
-
-    Attributes:
-        log: name of the log.
-        channel: such as `force.z`, `joint.3.torque`.
-        rms: of what is left [SI].
-        white: rms of what is new in it from tick to tick [SI].
-        explained: rms that the noise of the sensor has there, as the file declares it, or else as
-            `white` says, after the filter [SI].
-        unit: SI.
-        size: rms of the channel itself [SI].
-    """
-
-    log: str
-    channel: str
-    rms: float
-    white: float
-    explained: float
-    size: float
-    unit: str
-
-    @property
-    def excess(self) -> float:
-        """How many times as large as explained it is."""
-        return self.rms / self.explained if self.explained > 0 else 1.0
-
-    @property
-    def surprising(self) -> bool:
-        """Whether noise does not explain it."""
-        return self.excess > _SURPRISING and self.rms > _ROUNDED * self.size
-
-    def as_data(self) -> dict[str, Any]:
-        """For `--format json`, in SI."""
-        return {"log": self.log, "channel": self.channel, "rms": self.rms, "white": self.white,
-                "explained": self.explained, "size": self.size, "unit": self.unit}  # fmt: skip
-
-
 @dataclass(frozen=True)
 class Identification:
     """What logs say of a task.
@@ -141,7 +97,7 @@ class Identification:
         unseen: names of the parameters that no log shows anything of.
         confounded: parameters that logs do not tell apart.
         residuals: of each channel.
-        held_out: what is predicted of logs that nothing was identified from.
+        held_out: of each channel of logs that nothing was identified from.
         fit: the numbers behind it.
     """
 
@@ -152,7 +108,7 @@ class Identification:
     unseen: tuple[str, ...]
     confounded: tuple[Group, ...]
     residuals: tuple[ChannelResidual, ...]
-    held_out: tuple[Prediction, ...]
+    held_out: tuple[ChannelResidual, ...]
     fit: Fit
 
     @property
@@ -243,7 +199,7 @@ def _model(
 
 
 def _identification(
-    program: Program, found: Fit, level: float, held_out: tuple[Prediction, ...]
+    program: Program, found: Fit, level: float, held_out: tuple[ChannelResidual, ...]
 ) -> Identification:
     problem = found.problem
     count = len(problem.continuous)
@@ -256,14 +212,14 @@ def _identification(
     outside = Outside(problem, found, known)
     slopes = outside.slopes
     inside = (inverse * np.outer(scales, scales))[:count, :count]
-    covariance = slopes @ inside @ slopes.T + np.diag((_ARITHMETIC * scales[:count]) ** 2)
+    of_noise, arithmetic = slopes @ inside @ slopes.T, _ARITHMETIC * scales[:count]
+    covariance = of_noise + np.diag(arithmetic**2)
     quantile = NormalDist().inv_cdf(0.5 + level / 2)
     estimates = []
     for i, parameter in enumerate(problem.continuous):
         if known[i]:
-            estimates.append(
-                outside.estimate(i, parameter, float(covariance[i, i]) ** 0.5, quantile)
-            )
+            noise = max(float(of_noise[i, i]), 0.0) ** 0.5
+            estimates.append(outside.estimate(i, parameter, noise, float(arithmetic[i]), quantile))
     rows = np.flatnonzero(known)
     kept = covariance[np.ix_(rows, rows)]
     late = [] if problem.delay is None else [problem.delay.name]
@@ -282,7 +238,11 @@ def _identification(
         kept[np.ix_(ranked, ranked)],
         (*(names[i] for i in np.flatnonzero(unseen)), *late),
         tuple(_groups(mixed, inverse, outside, problem, quantile)),
-        tuple(_residuals(found)),
+        tuple(
+            each
+            for block, noises in zip(found.blocks, found.noises, strict=True)
+            for each in residuals(found.task, problem.logs[block.log], block, noises)
+        ),
         held_out,
         found,
     )
@@ -302,7 +262,7 @@ def _delay(problem: LogProblem, found: Fit) -> Estimate:
     low = max(min(found.delays) - 1 + _PART, 0.0) * period
     return Estimate(
         problem.delay.path, None, "", found.delay * period, low, max(found.delays) * period,
-        period / 12**0.5, problem.delay.declared, problem.delay.dimension,
+        period / 12**0.5, problem.delay.declared, problem.delay.dimension, len(found.delays) == 1,
     )  # fmt: skip
 
 
@@ -380,29 +340,3 @@ def _echelon(rows: Vector) -> Vector:
                 made[other] -= made[other, column] * made[at]
         at += 1
     return made[:at]
-
-
-def _residuals(found: Fit) -> list[ChannelResidual]:
-    made = []
-    sensor = found.task.robot.sensor
-    pole = SensorModel.of(sensor, found.problem.period).pole
-    noise = Noise() if sensor.noise is None else sensor.noise
-    declared = {"N": noise.force, "N*m": noise.torque}
-    for block, noises in zip(found.blocks, found.noises, strict=True):
-        name = found.problem.logs[block.log].name
-        for i, own_noise in enumerate(noises):
-            if own_noise is None:
-                continue
-            rows = block.present[:, i]
-            left, own = block.left[rows, i], block.measured[rows, i]
-            unit, explained = block.unit(i), own_noise.deviation
-            if block.of == WRENCH:
-                # Noise passes the filter: x[k] = b x[k-1] + (1 - b) w[k].
-                explained /= (1 - pole**2) ** 0.5
-                if declared[unit] > 0:
-                    explained = declared[unit] * ((1 - pole) / (1 + pole)) ** 0.5
-            made.append(
-                ChannelResidual(name, block.name(i), float(np.sqrt(np.mean(left**2))),
-                         own_noise.deviation, explained, float(np.sqrt(np.mean(own**2))), unit)
-            )  # fmt: skip
-    return made

@@ -123,9 +123,16 @@ class Outside:
         return f"{word} its {_AXES[parameter.index or 0]}"
 
     def estimate(
-        self, number: int, parameter: Parameter, deviation: float, quantile: float
+        self, number: int, parameter: Parameter, noise: float, arithmetic: float, quantile: float
     ) -> Estimate:
-        """One value with its interval."""
+        """One value with its interval.
+
+        Args:
+            number, parameter: which one.
+            noise, arithmetic: deviations that noise alone and arithmetic alone leave [SI].
+            quantile: of the normal distribution, for the interval's level.
+        """
+        deviation = math.hypot(noise, arithmetic)
         value, declared = float(self.values[number]), parameter.declared
         own = value if parameter.moves else float(self.inside[number] + self._beyond[number])
         ends = interval(own, deviation, quantile, parameter.least)
@@ -143,7 +150,7 @@ class Outside:
             declared = float(of[parameter.index or 0])
         return Estimate(
             parameter.path, parameter.index, along, value, *ends, deviation,
-            declared, parameter.dimension,
+            declared, parameter.dimension, noise <= arithmetic,
         )  # fmt: skip
 
 

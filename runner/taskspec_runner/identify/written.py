@@ -14,8 +14,6 @@ from taskspec_runner.identify.estimate import Estimate
 from taskspec_runner.identify.identification import Identification
 from taskspec_runner.identify.parameters import PAYLOAD
 
-#: An interval that is narrower than this share of its value is none.
-_SAME = 1e-6
 #: Digits of a value beyond the first one of its deviation.
 _BEYOND = 2
 _MOST_DIGITS = 9
@@ -67,14 +65,17 @@ def values(found: Identification) -> dict[str, str]:
 def _listed(found: Identification, path: str, estimates: list[Estimate]) -> str:
     context = found.program.context
     dimensions = found.loaded.task.target_of(path).dimensions
+    own = {e.index: e.value for e in estimates}
+    turned = any(e.along for e in estimates)
     deviation = {e.index: e.deviation for e in estimates}
     nothing = {e.index for e in estimates if e.settled == 0}
     least = min(deviation.values())
     parts = []
     for i, dimension in enumerate(dimensions):
-        value = value_of(context, found.task, path, i)
-        if i not in deviation and not any(e.along for e in estimates):
-            value = value_of(context, found.loaded.task, path, i)
+        task = found.task if turned else found.loaded.task
+        value = value_of(context, task, path, i)
+        # Of a pose, what is not identified stays as in the file, and the rest goes with that.
+        value = value if turned else own.get(i, value)
         unit = suited(max(abs(value), least), dimension)
         text = shown(value, unit, deviation.get(i, least))
         parts.append("0" if text.startswith("0 ") or i in nothing else text)
@@ -95,8 +96,8 @@ def key_of(path: str) -> str:
 def tolerances(found: Identification) -> dict[str, str]:
     """Entries of `vary` that have the intervals, by paths.
 
-    Of a single number they are its ends, of a list what its components may be off. A value that is
-    known to the last digit does not vary.
+    Of a single number they are its ends, of a list what its components may be off. What is known
+    exactly does not vary.
     """
     made: dict[str, str] = {}
     by_path: dict[str, list[Estimate]] = {}
@@ -118,7 +119,7 @@ def tolerances(found: Identification) -> dict[str, str]:
 
 
 def _ends(each: Estimate) -> str:
-    if math.isinf(each.high) or each.high - each.low <= _SAME * abs(each.value):
+    if each.exact or math.isinf(each.high) or each.low == each.high:
         return ""
     unit = unit_of(each)
     low, high = (
@@ -128,11 +129,16 @@ def _ends(each: Estimate) -> str:
 
 
 def _off(each: Estimate) -> str:
-    return _tolerance(max(each.high - each.settled, each.settled - each.low), each)
+    return _tolerance(_half(each, each.settled), each)
+
+
+def _half(each: Estimate, about: float) -> float:
+    """How far an interval goes from a value; 0 where the value is known exactly."""
+    return 0.0 if each.exact else max(each.high - about, about - each.low)
 
 
 def _tolerance(width: float, each: Estimate) -> str:
-    if math.isinf(width) or width <= _SAME * max(abs(each.value), abs(each.declared), _SAME):
+    if math.isinf(width) or not width:
         return "0"
     unit = suited(width, each.dimension)
     return f"+- {number(in_unit(width, unit), 3)} {unit}".rstrip()
@@ -146,7 +152,7 @@ def _turned(found: Identification, path: str, estimates: list[Estimate]) -> str:
     R = from_rpy(found.loaded.task.shapes[name].rpy)
     half = np.zeros(3)
     for each in estimates:
-        half += np.abs(R[:, each.index or 0]) * max(each.high - each.value, each.value - each.low)
+        half += np.abs(R[:, each.index or 0]) * _half(each, each.value)
     parts = [_tolerance(float(width), estimates[0]) for width in half]
     return f"[{', '.join(parts)}]" if any(part != "0" for part in parts) else ""
 

@@ -129,8 +129,9 @@ class Faults:
         self._ticks, self._period = 0, machine.period
         self._timeout = task.control.timeout
         running = [
+            # From 1 on: NumPy takes (seed, 0) for seed, which is the stream of the sensor's noise.
             _Running(fault, fault.channels(robot.hinges), machine.period, (seed, number))
-            for number, fault in enumerate(task.truth.faults)
+            for number, fault in enumerate(task.truth.faults, 1)
         ]
         self._running = tuple(running)
         self._of = {

@@ -1,4 +1,4 @@
-"""What the pages of runs, comparisons, differences and sweeps are made of.
+"""What pages of runs, comparisons, differences, sweeps and identifications are made of.
 
 A page is a description: its words, tables and charts, in order. `document` has the pieces of HTML
 and the shell around them, `chart` what a chart over time holds, `samples` the numbers that its

@@ -91,6 +91,7 @@ class Chart:
         always: values that always stay in view.
         factor: from SI to the unit; 0 where each trace has a factor of its own.
         log: whether its values are sizes over several orders.
+        of: the run whose stages it has for its ground; None for the one that leads.
     """
 
     key: str
@@ -103,6 +104,7 @@ class Chart:
     always: tuple[float, ...] = ()
     factor: float = 0.0
     log: bool = False
+    of: str | None = None
 
 
 @dataclass(slots=True)

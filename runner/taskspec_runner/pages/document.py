@@ -120,7 +120,7 @@ def note(*text: object) -> Markup:
     return element("p", *text, class_="empty") if any(text) else Markup("")
 
 
-def section(title: str, first: Markup, *rest: Markup, look: str = "") -> Markup:
+def section(title: str | Markup, first: Markup, *rest: Markup, look: str = "") -> Markup:
     """A part of a page under its heading; without its first piece there is none."""
     if not first:
         return first
@@ -171,6 +171,23 @@ def swatch(role: str, *, dashed: bool = False) -> Markup:
     return element("svg", line, class_="swatch", viewBox="0 0 26 10", aria_hidden="true")
 
 
+def span(
+    interval: tuple[float, float] | None, share: float | None, bound: float | None = None
+) -> Markup:
+    """A line from 0 to 1 with an interval on it, a value, and a bound or what else it is held to.
+
+    Args:
+        interval, share, bound: of them as shares of the line; None of what there is not.
+    """
+    low, high = interval or (0.0, 0.0)
+    whole = f"left: {100 * low:.6g}%; width: {100 * (high - low):.6g}%"
+    marks = [element("b", style=f"left: {100 * (share or 0.0):.6g}%")]
+    if bound is not None:
+        marks.append(element("u", style=f"left: {100 * bound:.6g}%"))
+    within = element("i", style=whole) if interval else None
+    return element("span", within, *marks, class_="span", aria_hidden="true")
+
+
 def dot(tint: object) -> Markup:
     """The colour of a stage."""
     return element("i", class_=f"dot tint{tint}")
@@ -193,8 +210,8 @@ def outcome(
     return element("div", *parts, class_=f"verdict {kind}", **more)
 
 
-def figure(chart: Chart) -> Markup:
-    """The place of a chart, which the script of the page draws."""
+def figure(chart: Chart, look: str = "") -> Markup:
+    """The place of a chart, which the script of the page draws; `low` is one of less height."""
     ways = (
         button(form.upper(), data_save=form, aria_label=f"save {chart.title} as {form.upper()}")
         for form in ("svg", "png")
@@ -207,7 +224,7 @@ def figure(chart: Chart) -> Markup:
         element("ul", class_="legend"),
     )
     plot = element("div", class_="plot", tabindex=0, role="group", aria_label=chart.title)
-    return element("figure", caption, plot, data_chart=chart.key)
+    return element("figure", caption, plot, class_=look, data_chart=chart.key)
 
 
 def bar(stages: Sequence[Mapping[str, Any]], whole: str) -> Markup:

@@ -131,7 +131,8 @@ def density(run: Run, samples: list[Json]) -> str:
 
 
 def _chart(time: Timeline, chart: Chart, samples: Samples) -> Json:
-    return {
+    own = {} if chart.of is None else {"visits": time.stages(chart.of)}
+    return own | {
         "unit": chart.unit,
         "log": chart.log,
         "levels": [asdict(level) for level in chart.levels],

@@ -52,9 +52,14 @@ class Timeline:
         """Common time at which the last run ends [s]."""
         return max(self.begins[name] + run.end for name, run in self.runs.items())
 
-    def stages(self) -> list[Json]:
-        """The leading run's visits of stages: `name`, `tint`, `start` and `end` [s]."""
-        run, begin = self.leading, self.begins[self.lead]
+    def stages(self, of: str | None = None) -> list[Json]:
+        """A run's visits of stages: `name`, `tint`, `start` and `end` [s].
+
+        Args:
+            of: name of the run; None for the one that leads.
+        """
+        name = self.lead if of is None else of
+        run, begin = self.runs[name], self.begins[name]
         tint = tints(run)
         return [
             {

@@ -31,13 +31,7 @@ def whole(path: Path) -> Iterator[Path]:
         OutputError: it cannot be written; `path` is something else than a file; or the new file was
             replaced while it was written.
     """
-    partial = path.with_name(f"{PARTIAL}{secrets.token_hex(6)}{path.suffix}")
-    try:
-        if path.exists() and not path.is_file():
-            raise OutputError(path, "it is not a regular file")
-        descriptor = os.open(partial, _EXCLUSIVE, 0o666)
-    except OSError as error:
-        raise OutputError.of(path, error) from error
+    partial, descriptor = _begun(path)
     try:
         yield partial
         os.fsync(descriptor)
@@ -51,6 +45,32 @@ def whole(path: Path) -> Iterator[Path]:
         os.close(descriptor)
         with contextlib.suppress(OSError):
             partial.unlink(missing_ok=True)
+
+
+def _begun(path: Path) -> tuple[Path, int]:
+    """A new, empty file beside a path, and the descriptor that it is open by.
+
+    Raises:
+        OutputError: there is none, or `path` is something else than a file.
+    """
+    partial = path.with_name(f"{PARTIAL}{secrets.token_hex(6)}{path.suffix}")
+    try:
+        if path.exists() and not path.is_file():
+            raise OutputError(path, "it is not a regular file")
+        return partial, os.open(partial, _EXCLUSIVE, 0o666)
+    except OSError as error:
+        raise OutputError.of(path, error) from error
+
+
+def check_writable(path: Path) -> None:
+    """Finds out whether a file can be written, before what it is to hold is made; leaves nothing.
+
+    Raises:
+        OutputError: it cannot.
+    """
+    partial, descriptor = _begun(path)
+    os.close(descriptor)
+    partial.unlink()
 
 
 @contextlib.contextmanager

@@ -124,19 +124,15 @@ def normal_at(shape: Shape, point: Matrix) -> tuple[Matrix, Matrix, float]:
     Of a plate with a cut they are those of the plate.
     """
     R, origin = pose(shape)
-    sizes = tuple(shape.sizes.items())
-    function = _normal(shape.shape, R.tobytes(), origin.tobytes(), sizes, get_ident())
-    normal, change, distance = evaluated(function, point)
-    return normal, change.reshape(3, 3, order="F"), float(distance[0])
+    function = _normal(shape.shape, tuple(shape.sizes.items()), get_ident())
+    normal, change, distance = evaluated(function, R.T @ (point - origin))
+    return R @ normal, R @ change.reshape(3, 3, order="F") @ R.T, float(distance[0])
 
 
 @lru_cache(maxsize=64)
-def _normal(
-    kind: str, R: bytes, origin: bytes, sizes: tuple[tuple[str, float], ...], _thread: int
-) -> ca.Function:
-    """What `normal_at` evaluates: the worlds of a task mostly have its shapes where they are."""
-    axes = np.frombuffer(R).reshape(3, 3)
-    surface = SHAPES[kind].placed(np.frombuffer(origin), axes, dict(sizes)).uncut()
+def _normal(kind: str, sizes: tuple[tuple[str, float], ...], _thread: int) -> ca.Function:
+    """What `normal_at` evaluates, of a point in the shape's own axes."""
+    surface = SHAPES[kind].placed(np.zeros(3), np.eye(3), dict(sizes)).uncut()
     x = ca.SX.sym("x", 3)
     gradient = surface.gradient(x)
     return ca.Function("normal", [x], [gradient, ca.jacobian(gradient, x), surface.distance(x)])

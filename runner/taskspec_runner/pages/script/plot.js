@@ -15,6 +15,9 @@ class Plot extends Chart {
     this.name("; left and right move the cursor, Enter sets it, + and - zoom time, up and down zoom values, 0 shows all");
   }
 
+  /** The stages of its run. */
+  get stays() { return this.visits ?? run.stages; }
+
   upright(value) { return this.log ? Math.log10(value) : value; }
 
   /** The range of values to show: what was chosen, or what is drawn in the window and bounds that are near to it. */
@@ -67,12 +70,12 @@ class Plot extends Chart {
       const at = this.span(piece);
       return at ? `<rect class="ground ${kind}" x="${px(at[0])}" y="${this.top}" width="${px(at[1] - at[0])}" height="${this.inner.height}"/>` : "";
     };
-    return run.stages.map((s) => ground(s, `ink${s.tint}`)).join("") + (run.faults ?? []).map((f) => ground(f, "fault")).join("");
+    return this.stays.map((s) => ground(s, `ink${s.tint}`)).join("") + (run.faults ?? []).map((f) => ground(f, "fault")).join("");
   }
 
   /** A strip in each stage's colour above the chart, with its name where there is room. */
   stages() {
-    return run.stages.map((s) => {
+    return this.stays.map((s) => {
       const from = Math.max(this.column(s.start), LEFT), to = Math.min(this.column(s.end), LEFT + this.inner.width);
       if (to <= from) return "";
       const name = to - from > 6.6 * s.name.length + 6 ? `<text x="${px(from + 1)}" y="${this.top - 7}">${escaped(s.name)}</text>` : "";

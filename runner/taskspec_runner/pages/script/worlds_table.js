@@ -118,22 +118,6 @@ function choose(text) {
 
 /* ---- what is pressed ---- */
 
-async function copy(button, text) {
-  try {
-    await navigator.clipboard.writeText(text);
-  } catch {
-    // Where a page may not use the clipboard, a selection can still be copied.
-    const field = document.createElement("textarea");
-    field.value = text;
-    button.after(field);
-    field.select();
-    document.execCommand("copy");
-    field.remove();
-  }
-  button.textContent = "copied";
-  setTimeout(() => { button.textContent = "copy"; }, 1500);
-}
-
 const turn = document.querySelector(".turn");
 table.addEventListener("click", (event) => {
   const button = event.target.closest(".how button");

@@ -28,6 +28,7 @@ from taskspec_runner.pages.document import (
     right,
     section,
     sign,
+    span,
     table,
     task_file,
 )
@@ -103,6 +104,7 @@ def render(result: SweepResult, said: Json, so_far: Markup | None = None) -> str
         scripts=(
             "worlds",
             "worlds_charts",
+            "copy",
             "worlds_table",
             "alone",
             "scene",
@@ -121,19 +123,6 @@ def _worst(result: SweepResult) -> Markup:
         return Markup("")
     how = end_of(row)
     return section("Worst world", arm_figure(shown, title=f"World {row['world']}, {how}"))
-
-
-def _span(
-    interval: Sequence[float] | None, share: float | None, bound: float | None = None
-) -> Markup:
-    """A share of worlds, the interval that it is in, and the bound on it, on a line from 0 to 1."""
-    low, high = interval or (0.0, 0.0)
-    whole = f"left: {100 * low}%; width: {100 * (high - low)}%"
-    marks = [element("b", style=f"left: {100 * (share or 0.0)}%")]
-    if bound is not None:
-        marks.append(element("u", style=f"left: {100 * bound}%"))
-    within = element("i", style=whole) if interval else None
-    return element("span", within, *marks, class_="span", aria_hidden="true")
 
 
 def _world(world: int, title: str | None = None) -> Markup:
@@ -155,7 +144,7 @@ def _verdicts(result: SweepResult, until: str) -> Iterator[Markup]:
             more.append(f"some {each['needed']} more worlds would decide it")
         if each["interval"] is None:
             more.append(_CHOSEN)
-        line = _span(each["interval"], each["share"], each["least"])
+        line = span(each["interval"], each["share"], each["least"])
         yield outcome(
             kind,
             sign(kind) + each["verdict"] + until,
@@ -169,7 +158,7 @@ def _verdicts(result: SweepResult, until: str) -> Iterator[Markup]:
             "In brackets where the probability of success is, with 95 % confidence (Wilson's "
             "interval)." if rate["interval"] else f"{_CHOSEN[0].upper()}{_CHOSEN[1:]}."
         )  # fmt: skip
-        line = _span(rate["interval"], rate["share"])
+        line = span(rate["interval"], rate["share"])
         yield outcome(
             "done",
             f"{share} %",
@@ -211,7 +200,7 @@ def _expectations(result: SweepResult) -> Markup:
                 prose(f"{DASH if share is None else f'{100 * share:.4g}'} %"),
                 element("small", so_far_text(each), class_="which") if each["so_far"] else "",
             ),
-            _span(each["interval"], share),
+            span(each["interval"], share),
             *([interval_text(each)] if sampled else []),
             DASH if worst is None else _margin(worst[key], worst["world"]),
         ]
