@@ -32,7 +32,7 @@ import casadi as ca
 
 from taskspec.control import linear
 from taskspec.deferred_methods import dataclass
-from taskspec.spec.joint_velocity import JointVelocity
+from taskspec.spec.joint_velocity import VelocitySource
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class VelocityEstimate:
     modelled: bool
 
     @staticmethod
-    def of(velocity: JointVelocity, period: float) -> VelocityEstimate | None:
+    def of(velocity: VelocitySource, period: float) -> VelocityEstimate | None:
         """What a file declares at control period T [s]; None where velocities are measured."""
         if velocity.measured:
             return None

@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from taskspec.spec.joint_friction import FrictionCompensation
-from taskspec.spec.joint_velocity import JointVelocity
+from taskspec.spec.joint_velocity import VelocitySource
 from taskspec.spec.model import Model
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import Constant
@@ -48,8 +48,8 @@ class Control(Model):
         title="How long it goes on without a reading",
         description="With the last value of a sensor or an encoder that gives none; then it stops",
     )
-    velocity: JointVelocity = Field(
-        JointVelocity(),
+    velocity: VelocitySource = Field(
+        VelocitySource(),
         title="What the velocity of the joints is taken from",
         description="measured, differences of positions, their low-pass, or an observer",
     )

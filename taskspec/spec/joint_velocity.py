@@ -19,7 +19,7 @@ MEASURED, DIFFERENCES = "measured", "differences"
 _NONE = "none"
 
 
-class JointVelocity(Model):
+class VelocitySource(Model):
     """How joint velocity is had: measured, of filtered differences, or of an observer.
 
     Attributes:

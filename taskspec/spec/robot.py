@@ -241,7 +241,7 @@ class Sensor(Model):
     )
 
 
-class Encoder(Model):
+class JointEncoder(Model):
     """What measures the joints' positions.
 
     Attributes:
@@ -350,7 +350,7 @@ class Robot(Model):
     grasp: Held | None = Field(
         None, title="What it holds", description="OBJECT.handle, or a loose body"
     )
-    encoder: Encoder | None = Field(None, title="Encoders of the joints")
+    encoder: JointEncoder | None = Field(None, title="Encoders of the joints")
     sensor: Sensor = Field(Sensor(), title="Force sensor")
     protection: Protection | None = Field(
         None,

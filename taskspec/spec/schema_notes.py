@@ -56,7 +56,7 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
         "What the joints' positions are measured with; by default exactly",
         ("0.1 mrad", {"resolution": "0.1 mrad"}),
     ),
-    "Encoder.resolution": (
+    "JointEncoder.resolution": (
         "From line to line: one for all joints, or one for each",
         ("0.1 mrad",),
     ),
@@ -68,8 +68,8 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
         "Compensation of the friction and damping that the robot declares of its joints",
         ("80 %", {"share": "80 %", "width": "10 mrad/s"}),
     ),
-    "JointVelocity.filter": ("", ("50 Hz",)),
-    "JointVelocity.observer": ("", ("30 Hz",)),
+    "VelocitySource.filter": ("", ("50 Hz",)),
+    "VelocitySource.observer": ("", ("30 Hz",)),
     "FrictionCompensation.share": ("Of friction and damping, up to 100 %", ("80 %",)),
     "FrictionCompensation.width": (
         "Speed of the reference at which 71 % of the share is reached; 10 mrad/s by default",

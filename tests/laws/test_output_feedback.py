@@ -14,7 +14,7 @@ from taskspec.laws.friction import Compensation
 from taskspec.program.velocity_estimate import VelocityEstimate
 from taskspec.robot.model_terms import PinocchioTerms
 from taskspec.spec import load_task, load_text
-from taskspec.spec.joint_velocity import JointVelocity
+from taskspec.spec.joint_velocity import VelocitySource
 from taskspec.stability.sampled_stage import analyse, loop_of
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "theory"))
@@ -61,9 +61,9 @@ def joints(run, signal: str) -> np.ndarray:
 
 def estimate(source: str) -> VelocityEstimate:
     kinds = {
-        "differences": JointVelocity(filter="none"),
-        "filter": JointVelocity(filter=50.0),
-        "observer": JointVelocity(observer=40.0),
+        "differences": VelocitySource(filter="none"),
+        "filter": VelocitySource(filter=50.0),
+        "observer": VelocitySource(observer=40.0),
     }
     found = VelocityEstimate.of(kinds[source], T)
     assert found is not None
