@@ -16,7 +16,7 @@ from taskspec.laws.computed_torque import COMPUTED_TORQUE, ComputedTorque
 from taskspec.laws.coupled import groups, with_damping
 from taskspec.laws.design import joint_damping
 from taskspec.laws.gains import AxisDesign, AxisPlant, Gain, Gains
-from taskspec.laws.joint_velocity import JOINT_VELOCITY, VelocitySource
+from taskspec.laws.joint_velocity import JOINT_VELOCITY, JointVelocity
 from taskspec.laws.law import Solve, commanding
 from taskspec.spec.axis import AxisEntry
 from taskspec.spec.gains import AxisValues, GainField
@@ -384,7 +384,7 @@ class Law(Model):
 
 
 #: Laws of a stage with a path of joints, by name; no file names them.
-JOINT_LAWS: dict[str, ComputedTorque | VelocitySource] = {
+JOINT_LAWS: dict[str, ComputedTorque | JointVelocity] = {
     law.kind: law for law in (COMPUTED_TORQUE, JOINT_VELOCITY)
 }
 
