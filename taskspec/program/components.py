@@ -7,7 +7,7 @@ from typing import Any
 
 from taskspec.program.context import Context
 from taskspec.spec import Task, Variation
-from taskspec.spec.robot import Noise, Payload
+from taskspec.spec.robot import JointEncoder, Noise, Payload
 from taskspec.spec.value_path import ValuePath
 from taskspec.spec.varied import VariedValue
 from taskspec.text.units import SMALLEST
@@ -103,7 +103,7 @@ def changed(task: Task, path: str, index: int | None, value: float) -> Task:
 
 
 #: What a value of the robot stands in where the file has none.
-_ABSENT = {"noise": Noise(), "payload": Payload()}
+_ABSENT = {"encoder": JointEncoder(), "noise": Noise(), "payload": Payload()}
 
 
 def _set(model: Any, steps: Sequence[str], index: int | None, value: float) -> Any:

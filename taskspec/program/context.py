@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.deferred_methods import dataclass
+from taskspec.laws.friction import Compensation
 from taskspec.program.contacts import Obstacles
 from taskspec.program.drives import Drives
 from taskspec.program.world.bushings import BushingModel
@@ -70,6 +71,19 @@ class Context:
     obstacles: Obstacles
     drives: Drives
     period: float
+
+    @property
+    def friction(self) -> Compensation | None:
+        """What the controller compensates of the joints' friction; None for nothing."""
+        task = self.loaded.task
+        declared, robot, n = task.control.friction, task.robot, self.robot.n
+        if declared is None:
+            return None
+        coulomb, viscous = (
+            tuple((declared.share * np.broadcast_to(values, n)).tolist())
+            for values in (robot.joint_friction, robot.joint_damping)
+        )
+        return Compensation(coulomb, viscous, declared.width, declared.time)
 
     @property
     def touchable_gaps(self) -> dict[str, float]:

@@ -105,13 +105,14 @@ def fields(equations: int, followed: int = 0, more: Fields = ()) -> Fields:
 def optional(task: Task, joints: int) -> Fields:
     """Outputs that not every task has, in their order.
 
-    Gains that vary, params that may be set, joints whose disturbance is estimated, an energy tank,
-    a payload that laws adapt to; command and load of the gripper; stiffness
-    that is estimated.
+    Gains that vary, params that may be set, joints whose friction is compensated or whose
+    disturbance is estimated, an energy tank, a payload that laws adapt to, command and load of the
+    gripper, stiffness that is estimated.
     """
     found = (
         ("gain", len(task.varying_gains)),
         ("param", len(task.live)),
+        ("friction", 0 if task.control.friction is None else joints),
         ("disturbance", joints if task.observes else 0),
         ("tank", len(TANK) if task.tanks else 0),
         ("payload", payload_size(task)),

@@ -41,6 +41,7 @@ from taskspec.rules import (
     variations,
     contacts,
     bushings,
+    output_feedback,
 )
 
 # isort: on
@@ -66,6 +67,7 @@ __all__ = [
     "loose_bodies",
     "objects",
     "open_loop",
+    "output_feedback",
     "passivity",
     "planned_motion",
     "protection",

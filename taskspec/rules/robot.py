@@ -55,8 +55,13 @@ def joint_values(task: TaskPlan) -> Iterator[Finding]:
             place = below(FILE.robot, *reason.field)
             yield error(reason.code, reason.message, place, reason.hint)
     lists: list[tuple[KeyPath, tuple[float, ...]]] = [
-        (FILE.robot.joint_damping, spec.robot.joint_damping)
+        (FILE.robot.joint_damping, spec.robot.joint_damping),
+        (FILE.robot.joint_friction, spec.robot.joint_friction),
     ]
+    true = task.context.loaded.true_task.robot.encoder
+    for encoder, place in ((spec.robot.encoder, FILE.robot.encoder), (true, FILE.truth)):
+        if encoder is not None and (place == FILE.robot.encoder or true != spec.robot.encoder):
+            lists.append((place, encoder.resolution))
     lists += [
         (FILE.stages[name].law.damping if stage.spec.law else FILE.law.damping, damping)
         for name, stage in task.stages.items()

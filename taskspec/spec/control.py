@@ -1,4 +1,4 @@
-"""`control`: how often the controller and the plant step, and how long one waits for readings."""
+"""`control`: when controller and plant step, and what the controller makes of its readings."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Annotated
 
 from pydantic import Field
 
+from taskspec.spec.joint_friction import FrictionCompensation
+from taskspec.spec.joint_velocity import VelocitySource
 from taskspec.spec.model import Model
 from taskspec.spec.parse_context import ParseContext, span_of
 from taskspec.spec.quantities import Constant
@@ -26,6 +28,8 @@ class Control(Model):
         plant_rate: of the simulated plant, a whole multiple of `rate` [Hz].
         timeout: how long it goes on with the last value of a sensor or an encoder that gives none
             [s]; then it stops.
+        velocity: what it takes the velocity of the joints from.
+        friction: what it compensates of the joints' friction; None for nothing.
     """
 
     noun = "'control'"
@@ -43,6 +47,14 @@ class Control(Model):
         0.02,
         title="How long it goes on without a reading",
         description="With the last value of a sensor or an encoder that gives none; then it stops",
+    )
+    velocity: VelocitySource = Field(
+        VelocitySource(),
+        title="What the velocity of the joints is taken from",
+        description="measured, differences of positions, their low-pass, or an observer",
+    )
+    friction: FrictionCompensation | None = Field(
+        None, title="Compensation of the friction that 'robot' declares of its joints"
     )
 
 

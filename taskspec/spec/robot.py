@@ -242,6 +242,28 @@ class Sensor(Model):
     )
 
 
+class JointEncoder(Model):
+    """What measures the joints' positions.
+
+    Attributes:
+        resolution: from line to line [rad; of a slide the same number in m]: one for all, or one
+            for each joint; 0 for exact readings.
+    """
+
+    noun = "an encoder"
+    example = "encoder: {resolution: 0.1 mrad}"
+    short: ClassVar = Constant(ANGLE, least=0).json()
+
+    resolution: Annotated[tuple[float, ...], ForJoints(ANGLE)] = Field(
+        (0.0,), title="Resolution", description="From line to line: one for all, or one for each"
+    )
+
+    @classmethod
+    def expand(cls, data: object, context: ParseContext) -> object:  # noqa: ARG003
+        """Reads a bare angle."""
+        return short_form(data, "resolution")
+
+
 class Payload(Model):
     """What the tool carries without the controller's knowledge.
 
@@ -287,6 +309,7 @@ class Robot(Model):
             controller does not know of it. None for nothing.
         grasp: the handle or loose body that it holds from the start; None for nothing.
         gripper: the jaws at the tool tip, which stages close and open.
+        encoder: what measures the joints; None for exact readings.
         sensor: what measures the contact wrench.
         protection: where the robot's own controller stops; None where nobody says.
         command: what its joints are commanded: torques, velocities or positions.
@@ -332,6 +355,7 @@ class Robot(Model):
     gripper: Gripper = Field(
         Gripper(), title="Gripper", description="Two jaws at the tool tip, for 'grip' of stages"
     )
+    encoder: JointEncoder | None = Field(None, title="Encoders of the joints")
     sensor: Sensor = Field(Sensor(), title="Force sensor")
     protection: Protection | None = Field(
         None,

@@ -49,8 +49,35 @@ NOTES: dict[str, tuple[str, tuple[Any, ...]]] = {
         ({"rate": "-abs(force.z + 12 N)/(5 N)", "passed": 10},),
     ),
     "Robot.joint_friction": (
-        "Of the real joints; the controller does not know of it",
+        "Of the real joints; the controller knows of what control.friction has it compensate",
         ("0.5 N*m",),
+    ),
+    "Robot.encoder": (
+        "What the joints' positions are measured with; by default exactly",
+        ("0.1 mrad", {"resolution": "0.1 mrad"}),
+    ),
+    "JointEncoder.resolution": (
+        "From line to line: one for all joints, or one for each",
+        ("0.1 mrad",),
+    ),
+    "Control.velocity": (
+        "measured, differences of positions, their low-pass, or an observer",
+        ("differences", {"filter": "50 Hz"}, {"observer": "30 Hz"}),
+    ),
+    "Control.friction": (
+        "Compensation of the friction and damping that the robot declares of its joints",
+        ("80 %", {"share": "80 %", "width": "10 mrad/s"}),
+    ),
+    "VelocitySource.filter": ("", ("50 Hz",)),
+    "VelocitySource.observer": ("", ("30 Hz",)),
+    "FrictionCompensation.share": ("Of friction and damping, up to 100 %", ("80 %",)),
+    "FrictionCompensation.width": (
+        "Speed of the reference at which 71 % of the share is reached; 10 mrad/s by default",
+        ("10 mrad/s",),
+    ),
+    "FrictionCompensation.time": (
+        "Time in which the reference would take an error away; 0.1 s by default",
+        ("0.1 s",),
     ),
     "Robot.payload": ("What the tool carries in truth", ("300 g",)),
     "Control.plant_rate": ("", ("2 kHz",)),

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from taskspec.faults import ENCODER
 from taskspec.geometry.axis import AXES, Axis
 from taskspec.laws import DEFAULTS
 from taskspec.spec.adapt import Adapt
@@ -153,6 +154,12 @@ class Task(Model):
     def in_joints(self) -> bool:
         """Whether a stage has a path of joints."""
         return any(s.path is not None and s.path.joints is not None for s in self.stages.values())
+
+    @property
+    def joints_exact(self) -> bool:
+        """Whether the controller has the joints' true positions and velocities."""
+        coarse = self.robot.encoder is not None or bool(self.truth.of(ENCODER))
+        return self.control.velocity.measured and not coarse
 
     @property
     def bushings(self) -> dict[str, Bushing]:

@@ -13,7 +13,7 @@ from taskspec.spec.fields import EXACT, SPRUNG
 from taskspec.spec.model import Model, field_types
 from taskspec.spec.objects import MODELS
 from taskspec.spec.quantities import Constant, Entries, ForJoints
-from taskspec.spec.robot import Payload, Robot, Sensor, Tool
+from taskspec.spec.robot import JointEncoder, Payload, Robot, Sensor, Tool
 from taskspec.spec.servo import VARIED, Servo
 from taskspec.text.units import Dimension
 
@@ -76,6 +76,7 @@ def _of_the_robot() -> Iterator[tuple[str, VariedValue]]:
     yield from ((f"tool.{key}", targets(Tool)[key]) for key in ("mass", "com"))
     yield from ((key, own[key]) for key in ("joint_damping", "joint_friction"))
     yield from ((f"payload.{key}", each) for key, each in targets(Payload).items())
+    yield from ((f"encoder.{key}", each) for key, each in targets(JointEncoder).items())
     yield from ((f"sensor.{key}", sensor[key]) for key in _SENSOR)
     yield from ((f"servo.{key}", targets(Servo)[key]) for key in VARIED)
 

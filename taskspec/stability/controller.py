@@ -26,6 +26,7 @@ from taskspec.program.ports import LAW, handed_of, now_at_start, slices
 from taskspec.program.reference.force_references import kept_slot
 from taskspec.program.reference.slowed_path import AT, TIME
 from taskspec.program.stages.stage import FROZEN, CompiledStage
+from taskspec.program.velocity_estimate import VelocityEstimate
 from taskspec.program.world import estimated_frames
 from taskspec.robot.model_terms import PinocchioTerms
 
@@ -38,6 +39,37 @@ _AFTER = 1.0
 
 
 @dataclass(frozen=True, slots=True)
+class LinearEstimate:
+    """The estimate of q' about the equilibrium: 2n states, what is predicted of a tick.
+
+    Attributes:
+        correct: (2n, 3n) positions and velocities of now, of what was predicted and of q.
+        predict: (2n, 3n + 6) what is predicted of the next tick, of these, u and the wrench.
+    """
+
+    correct: Matrix
+    predict: Matrix
+
+    @staticmethod
+    def of(context: Context) -> LinearEstimate | None:
+        """That of a task's controller; None where q' is measured."""
+        estimate = VelocityEstimate.of(context.loaded.task.control.velocity, context.period)
+        if estimate is None:
+            return None
+        n = context.robot.n
+        x, q, u, w = (
+            ca.SX.sym(name, k) for name, k in (("x", 2 * n), ("q", n), ("u", n), ("w", 6))
+        )
+        acceleration = None
+        if estimate.modelled:
+            H, J = ca.SX(ca.DM(context.start_inertia)), ca.SX(ca.DM(context.start_jacobian))
+            acceleration = estimate.acceleration(H, ca.SX(n, 1), J, u, w)
+        pairs = (estimate.correct(x, q), (x, q)), (estimate.predict(x, acceleration), (x, u, w))
+        found = [np.array(ca.evalf(ca.jacobian(of, ca.vertcat(*by)))) for of, by in pairs]
+        return LinearEstimate(*found)
+
+
+@dataclass(frozen=True, slots=True)
 class LinearController:
     """u and memory' per q, q', measured wrench, measured reactions and memory.
 
@@ -46,11 +78,18 @@ class LinearController:
         memory: (m, 2n + 6 + e + m); m slots of memory on which a later torque depends.
         slots: their numbers.
         finite: whether the torque has a derivative.
+        velocity: how q' is estimated; None where it is measured.
     """
 
     torque: Matrix
     memory: Matrix
     slots: tuple[int, ...]
+    velocity: LinearEstimate | None = None
+
+    @property
+    def states(self) -> int:
+        """Of the estimate of q'."""
+        return 0 if self.velocity is None else len(self.velocity.correct)
 
     @property
     def finite(self) -> bool:
@@ -207,7 +246,10 @@ class Operating:
         torque, memory = whole[:n], whole[n:]
         slots = _feedback_slots(torque[:, count:], memory[:, count:])
         kept = [*range(count), *(count + s for s in slots)]
-        return LinearController(torque[:, kept], memory[np.ix_(slots, kept)], tuple(slots))
+        estimate = LinearEstimate.of(self.context)
+        return LinearController(
+            torque[:, kept], memory[np.ix_(slots, kept)], tuple(slots), estimate
+        )
 
     @property
     def _measured(self) -> int:

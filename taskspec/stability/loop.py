@@ -72,7 +72,8 @@ def one_step(
     """F of x[k+1] = F x[k] over one period of control.
 
     x holds the plant's states, the wrench of the plant's last step in the directions in
-    which it can be (r), reactions (e), what the sensor remembers of the former, and memory (m).
+    which it can be (r), reactions (e), what the sensor remembers of the former, memory (m), and
+    what the controller predicts of positions and velocities (2n), where it estimates the latter.
 
     Args:
         controller: the stage.
@@ -89,11 +90,11 @@ def one_step(
     basis = _channels(controller, np.hstack([A[own : own + 6], B[own : own + 6]]))
     r = basis.shape[1]
     kept = r * sensor.order
-    size = own + r + e + kept + m
+    size = own + r + e + kept + m + controller.states
     if size > MOST_STATES:
         raise UnfitError(f"{size} states")
     at_w, at_e = own, own + r
-    at_s, at_m = at_e + e, at_e + e + kept
+    at_s, at_m, at_v = at_e + e, at_e + e + kept, at_e + e + kept + m
 
     update, reading = _sensor(sensor, r, samples)
     measured = np.zeros((r, size))
@@ -103,7 +104,12 @@ def one_step(
     measured_rows[:n, :n], measured_rows[n : 2 * n, c : c + n] = np.eye(n), np.eye(n)
     measured_rows[2 * n : 2 * n + 6] = basis @ measured
     measured_rows[2 * n + 6 : 2 * n + 6 + e, at_e:at_s] = np.eye(e)
-    measured_rows[2 * n + 6 + e :, at_m:] = np.eye(m)
+    measured_rows[2 * n + 6 + e :, at_m:at_v] = np.eye(m)
+    estimate = controller.velocity
+    if estimate is not None:
+        now = estimate.correct[:, 2 * n :] @ measured_rows[:n]
+        now[:, at_v:] += estimate.correct[:, : 2 * n]
+        measured_rows[n : 2 * n] = now[n:]
 
     torque = controller.torque @ measured_rows
     out = B @ torque
@@ -113,14 +119,17 @@ def one_step(
     step[at_w:at_e] = basis.T @ out[own : own + 6]
     step[at_e:at_s] = out[own + 6 :]
     step[at_s:at_m, at_s:at_m], step[at_s:at_m, at_w:at_e] = update[:, :kept], update[:, kept:]
-    step[at_m:] = controller.memory @ measured_rows
+    step[at_m:at_v] = controller.memory @ measured_rows
+    if estimate is not None:
+        wrench = measured_rows[2 * n : 2 * n + 6]
+        step[at_v:] = estimate.predict @ np.vstack([now, torque, wrench])
     return step
 
 
 def states(controller: LinearController, plant: LinearPlant, sensor: SensorModel) -> int:
     """How many states the closed loop has, at most six channels of the wrench."""
     channels = min(6, sum(len(row.G) for row in plant.rows))
-    own = plant.states + plant.equations + len(controller.slots)
+    own = plant.states + plant.equations + len(controller.slots) + controller.states
     return own + channels * (1 + sensor.order)
 
 
@@ -145,7 +154,7 @@ def modes(
     span = sensor.hold_ticks * period
     balanced, scale = _balance(F)
     values, right = np.linalg.eig(balanced)
-    own = plant.states + plant.equations + len(controller.slots)
+    own = plant.states + plant.equations + len(controller.slots) + controller.states
     at_reactions = plant.states + (len(F) - own) // (1 + sensor.order)
     reactions = slice(at_reactions, at_reactions + plant.equations)
     uncertain = np.finfo(float).eps * np.linalg.norm(balanced) * _sensitivity(right)
@@ -225,7 +234,10 @@ def _channels(controller: LinearController, wrenches: Matrix) -> Matrix:
     """(6, r) orthonormal basis of the wrenches that can be and that the controller heeds."""
     n = len(controller.torque)
     first = 2 * n
-    heeded = _span(np.vstack([controller.torque, controller.memory])[:, first : first + 6].T)
+    heeding = [part[:, first : first + 6] for part in (controller.torque, controller.memory)]
+    if controller.velocity is not None:
+        heeding.append(controller.velocity.predict[:, 3 * n :])
+    heeded = _span(np.vstack(heeding).T)
     return heeded @ _span(heeded.T @ wrenches)
 
 

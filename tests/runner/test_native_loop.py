@@ -38,6 +38,7 @@ DIFFERENT = (
     "bushing-press",  # a spring in six directions
     "conveyor",  # an object that moves by itself
     "exact-ring",  # equations that hold exactly, one of which moves
+    "coarse-encoders",  # encoders with lines, an observer, the truth observed beside
     "door-handle",  # a grip, a mechanism with a detent
     "helix-cut",  # axes that follow another one
     "linkage",  # equations on the tip and on joints

@@ -209,6 +209,7 @@ class LibraryPlant:
         command[:] = self._library.command
         if self._machine.grip.used:
             np.asarray(self._machine.grip.command)[:] = self._library.grip
+        self._machine.predict()
         self._plant.step(command)
         self.diverged = self._plant.arm.diverged
         self._ticks += 1

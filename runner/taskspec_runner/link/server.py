@@ -404,6 +404,7 @@ class ServedPlant:
             error.ticks = self._ticks
             raise
         command[:] = self._command
+        self._machine.predict()
         if self._bus.linked:
             self._bus.view("link")[:] = self._late_now, self._missed
         self._plant.step(command)

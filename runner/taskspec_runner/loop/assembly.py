@@ -9,6 +9,7 @@ import numpy as np
 from taskspec.control.qp.dual import dual_solver
 from taskspec.deferred_methods import dataclass
 from taskspec.program.execution.machine import Machine
+from taskspec.program.execution.observer import Observer
 from taskspec.program.program import Program
 from taskspec.program.world.holding import truly_holding
 from taskspec.program.worlds import World, true_world
@@ -104,4 +105,7 @@ def assemble(
         from taskspec_runner.loop.faults import Faults
 
         faults = Faults(world.task, context.robot, machine, plant, bus, world.noise_seed)
+    if not world.task.joints_exact:
+        true = bus.view("true.q"), bus.view("true.v"), bus.true_outputs
+        plant.observer = Observer(context.robot, machine, (plant.arm.q, plant.arm.v), true)
     return Assembly(program, world, bus, plant, machine, faults=faults)

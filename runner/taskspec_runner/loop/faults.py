@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from taskspec.faults import ENCODER, SENSOR, TORQUE, FaultKind, Shown
 from taskspec.program.execution.machine import Machine
-from taskspec.program.execution.observer import Observer
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
 from taskspec.spec.fault import Fault
@@ -110,8 +109,7 @@ class _Running:
 class Faults:
     """The faults of a run, in the order of the file.
 
-    Where encoders fail, the bus has the true state and what the controller would have made of it;
-    where torques do, what the motors exert.
+    Where torques fail, the bus has what the motors exert.
 
     Attributes:
         unheard: (n,) joints whose encoders give nothing at this tick.
@@ -146,10 +144,6 @@ class Faults:
         self._times: tuple[FaultTime, ...] = ()
         self.unheard = np.zeros(len(machine.torque), dtype=np.bool_)
         self._limit, self._exerted = robot.torque_limit, np.zeros(len(machine.torque))
-        self._observer = None
-        if self._of[ENCODER]:
-            self._observer = Observer(robot, machine, bus.true_outputs)
-            self._true = bus.view("true.q"), bus.view("true.v")
         self._log = bus.view("true.torque") if self._of[TORQUE] else None
 
     def read(self, sensing: Senses) -> None:
@@ -162,8 +156,6 @@ class Faults:
         machine, tick = self._machine, self._ticks
         silent = dict.fromkeys(self._silent, False)
         self.unheard[:] = False
-        if self._observer is not None:
-            self._true[0][:], self._true[1][:] = machine.q, machine.v
         for each in self._of[ENCODER]:
             nothing = each.on(machine, tick, machine.q, machine.v) and each.kind.silent
             self.unheard[each.channels] |= nothing
@@ -191,9 +183,6 @@ class Faults:
 
     def step(self, torque: Vector) -> None:
         """Notes what is true of a tick, and holds what the motors make of a command."""
-        if self._observer is not None:
-            self._observer.q[:], self._observer.v[:] = self._true
-            self._observer.observe()
         if self._of[TORQUE]:
             exerted = self._exerted
             exerted[:] = torque

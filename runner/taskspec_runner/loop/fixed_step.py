@@ -264,6 +264,7 @@ def _last(closed: ClosedLoop) -> int:
     if closed.machine.transitions[-1].kind != events.LIMIT:
         return 0
     closed.step(closed.machine.torque)
+    closed.machine.predict()
     closed.recorder.add()
     return 1
 

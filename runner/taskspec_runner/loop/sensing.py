@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.program.bound import Wiring
+from taskspec.program.bound import BoundFunction, Wiring
 from taskspec.program.execution.force_sensor import ForceSensor
 from taskspec.program.execution.sensor_zero import SensorZero
 from taskspec_runner.plant.plant import PlantArm
@@ -44,6 +46,7 @@ class Sensing:
     So do the reactions of constraints on joints.
 
     Attributes:
+        encoder: makes the readings of the joints; None where these are exact.
         sensor: makes the readings; None where the wrench is measured as it is.
     """
 
@@ -59,7 +62,11 @@ class Sensing:
         zero = machine.sensor
         # One function copies all of them in a third of the time that four assignments take.
         wiring = Wiring()
-        wiring.writes(wiring.reads("q", arm.q), machine.q)
+        self.encoder = None
+        if arm.encoder is None:
+            wiring.writes(wiring.reads("q", arm.q), machine.q)
+        else:
+            self.encoder = _encoder(arm.q, arm.encoder.resolution, machine.q)
         wiring.writes(wiring.reads("v", arm.v), machine.v)
         if reactions.size:
             wiring.writes(wiring.reads("reactions", reactions), machine.reactions)
@@ -76,5 +83,21 @@ class Sensing:
     def read(self) -> None:
         """Copies the measurement into the controller's inputs."""
         self._copied.evaluate()
+        if self.encoder is not None:
+            self.encoder.evaluate()
         if self.sensor is not None:
             self.sensor.read()
+
+
+def _encoder(q: Vector, resolution: Sequence[float], shown: Vector) -> BoundFunction:
+    """Has `shown` (n,) be positions q (n,) at the nearest lines, r floor(q / r + 1/2) [rad, m].
+
+    A joint whose resolution r is 0 is shown as it is.
+    """
+    wiring = Wiring()
+    true = wiring.reads("q", q)
+    lines = wiring.numbers("resolution", *np.broadcast_to(resolution, len(q)))
+    apart = lines > 0
+    nearest = lines * ca.floor(true / (lines + (1 - apart)) + 0.5)
+    wiring.writes(ca.if_else(apart, nearest, true), shown)
+    return wiring.bound("encoder")

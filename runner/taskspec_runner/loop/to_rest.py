@@ -26,7 +26,7 @@ STRETCH = 0.5
 _COMMAND_OUTPUTS = (
     *("force_ref", "position_ref", "velocity_ref", "error", "reaction_ref"),
     *("gap_ref", "reaction_residual", "joint_ref", "gain", "tank"),
-    *("path_done", "force_inconsistent", "limited", "limits", "residual"),
+    *("path_done", "force_inconsistent", "limited", "limits", "residual", "friction"),
 )
 #: Squared joint velocities of a sane arm stay far below this.
 _HEALTHY = 1e8
@@ -98,6 +98,7 @@ def bring_to_rest(closed: ClosedLoop, plant: Plant, ticks: int, period: float) -
         bus.array[clock], bus.array[t] = (ticks + number) * period, number * period
         bus.array[stage] = len(machine.runners) + machine.index
         step(torque)
+        machine.predict()
         for where in commanded:
             bus.array[where] = np.nan
         closed.recorder.add()

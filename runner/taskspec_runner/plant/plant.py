@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.program.bound import Wiring
+from taskspec.program.execution.observer import Observer
 from taskspec.program.world.mechanisms import mechanism_models
 from taskspec.robot import RobotModel
 from taskspec.spec import Task
@@ -52,7 +53,7 @@ class PlantArm:
         handling: grips loose bodies, and what takes them; None where nothing does.
         servo: follows what its joints are commanded; None where these are torques.
         forces: writes the wrenches and forces, and what of the state has no view.
-        sensor: the true one.
+        sensor, encoder: the true ones; no encoder where readings are exact.
         tip_rotation: (9,) the tip's axes in the last step, row by row.
         rests: whether it rests on brakes before the first step, as its sensor carries the tool.
         diverged: the last step's contact force is beyond all bounds.
@@ -66,7 +67,7 @@ class PlantArm:
         self.q, self.v = self.joints, self.rates
         self.torque, self.velocities = data.ctrl[places.motors], places.velocities
         self.wrench, self.object_forces = views.wrench, views.objects
-        self.sensor = arm.declared.sensor
+        self.sensor, self.encoder = arm.declared.sensor, arm.declared.encoder
         self.tip_rotation = data.xmat[places.tip]
         self.diverged = False
         self._model, self._data = model, data
@@ -176,7 +177,10 @@ class Plant:
         simple: whether MuJoCo's step is all there is to a step.
         mechanisms, moving_bases, loose: what else there is in the world; None where there is none.
         last_time: of the simulator at the last look at its alarms [s].
+        observer: of the truth, where joints are not measured as they are; None where they are.
     """
+
+    observer: Observer | None = None
 
     def __init__(
         self, robot: RobotModel, task: Task, start: Vector, views: PlantViews | None = None
@@ -241,6 +245,8 @@ class Plant:
         """
         if not self._still:
             self._read_state()
+        if self.observer is not None:
+            self.observer.observe()
         servo, handling = self.arm.servo, self.arm.handling
         if handling is not None:
             handling.command[:] = handling.source

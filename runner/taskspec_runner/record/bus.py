@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.faults import ENCODER, TORQUE
+from taskspec.faults import TORQUE
 from taskspec.program.ports import INTERNAL, fields_of, slices
 from taskspec.spec import Task
 from taskspec_runner.plant.views import PlantViews, view_fields
@@ -31,8 +31,9 @@ class Bus:
         linked: whether plant and controller meet at the wall clock, so that ticks have a `link`:
             how late what came for it came [s], and how many in a row did not come.
 
-    Where encoders fail, it also has the true state, and what stages would put out if they measured
-    that, each field as `true.` and its name; where torques do, those that the motors exert.
+    Where joints are not measured as they are, it also has their true state, and what stages would
+    put out if they measured that, each field as `true.` and its name; where torques fail, those
+    that the motors exert.
     """
 
     def __init__(self, joints: int, task: Task, *, linked: bool = False) -> None:
@@ -51,7 +52,7 @@ class Bus:
             *outputs,
         ]
         self._outputs = sum(length for _, length in outputs)
-        if task.truth.of(ENCODER):
+        if not task.joints_exact:
             state = (("q", joints), ("v", joints), *outputs)
             fields += [(f"{TRUE}{name}", length) for name, length in state]
         if task.truth.of(TORQUE):
@@ -87,7 +88,7 @@ class Bus:
 
     @property
     def true_outputs(self) -> Vector:
-        """A view of what they would be of the true state; where encoders fail."""
+        """A view of what they would be of the true state; where joints are not exact."""
         return self._outputs_from(f"{TRUE}{INTERNAL[0][0]}")
 
     def _outputs_from(self, name: str) -> Vector:

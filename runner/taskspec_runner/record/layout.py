@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taskspec.deferred import pa
 from taskspec.deferred_methods import dataclass
-from taskspec.faults import ENCODER, TORQUE
+from taskspec.faults import TORQUE
 from taskspec.geometry.axis import AXES, Axis, axes_of
 from taskspec.laws.tank import OUTPUTS
 from taskspec.program import ports
@@ -75,7 +75,7 @@ class LogLayout:
 
     Signals are the truth: the wrench is that of the tick's own step, and every `gap` is taken to
     the true objects. What the controller measured stands beside it as `force.*.measured`;
-    where encoders fail, also `position.*.measured`, `joint.*.position.measured` and so on.
+    where joints are not exact, also `position.*.measured`, `joint.*.position.measured` and so on.
 
     Attributes:
         fields: how many numbers a tick has.
@@ -101,7 +101,9 @@ class LogLayout:
         """
         self._slices, self._stages = slices, stages
         self.fields = max(each.stop for each in slices.values())
-        whole: list[Column] = list(_columns(robot, stages, task))
+        if measured:
+            slices = {n: where for n, where in slices.items() if not n.startswith(TRUE)}
+        whole: list[Column] = list(_columns(slices, robot, stages, task))
         whole += LINK_COLUMNS if "link" in slices else ()
         unknown = frozenset(_unmeasured(task, robot) if measured else ())
         self._layout = tuple(column for column in whole if column.name not in unknown)
@@ -240,10 +242,12 @@ def _unmeasured(task: Task, robot: RobotModel) -> Iterator[str]:
         yield from (f"{owner}.{name}" for name in OBJECT[declared.kind] if name not in still)
 
 
-def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -> Iterator[Column]:
+def _columns(
+    slices: Mapping[str, slice], robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task
+) -> Iterator[Column]:
     """The columns of a log, in their order."""
-    # Where encoders fail, what is measured of the arm stands beside what is true.
-    spoiled = bool(task.truth.of(ENCODER))
+    # Where joints are not exact, what is measured of the arm stands beside what is true.
+    spoiled = f"{TRUE}q" in slices
     yield Column("clock", "s", "clock")
     yield Column("t", "s", "t")
     yield Column("stage", "stage", "stage")
@@ -275,7 +279,7 @@ def _columns(robot: RobotModel, stages: tuple[CompiledStage, ...], task: Task) -
     yield from _of_grip(task)
     yield from _of_tanks(task)
     yield from _of_payload(task)
-    yield from _of_joints(robot, task)
+    yield from _of_joints(robot, task, spoiled=spoiled)
     for owner, declared in task.world.items():
         for name, signal in OBJECT[declared.kind].items():
             if not signal.output:
@@ -350,15 +354,16 @@ def _of_estimates(task: Task, axes: Sequence[Axis]) -> Iterator[Column]:
                 yield Column(f"{Index.ESTIMATE}.{signal}.{axis}", unit, output, axis.row)
 
 
-def _of_joints(robot: RobotModel, task: Task) -> Iterator[Column]:
-    """The columns of all joints: where devices fail, also what is not the truth, or is it.
+def _of_joints(robot: RobotModel, task: Task, *, spoiled: bool) -> Iterator[Column]:
+    """The columns of all joints: where devices are not exact, also what is not the truth, or is it.
 
     Of an arm that takes no torques, what is commanded, and what its servo holds joints to.
     """
     beside = [("position", MEASURED, "q"), ("velocity", MEASURED, "v")]
-    beside = beside if task.truth.of(ENCODER) else []
+    beside = beside if spoiled else []
     beside += [("position", REFERENCE, "joint_ref")] if task.in_joints else []
     beside += [("torque", "exerted", f"{TRUE}torque")] if task.truth.of(TORQUE) else []
+    beside += [("torque", "friction", "friction")] if task.control.friction is not None else []
     if not task.robot.takes_torques:
         beside += [(task.robot.command, "command", "command"), ("position", "servo", "servo")]
     for i, turns in enumerate(robot.hinges):

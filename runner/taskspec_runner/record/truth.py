@@ -80,7 +80,7 @@ class Truth:
         self.names, self.by_code = tuple(names), False
         row, self._places = _symbols(max(where.stop for where in fields.values()))
         parts = {name: row[where] for name, where in fields.items()}
-        # Where encoders fail, what the controller has of them is not the truth.
+        # Where joints are not exact, what the controller has of them is not the truth.
         for name in list(parts):
             if name.startswith(TRUE) and name != f"{TRUE}torque" and not measured:
                 parts[name.removeprefix(TRUE)] = parts[name]

@@ -32,6 +32,7 @@ UNKNOWN = -3
 def tick(c: ControllerMemory) -> bool:
     """Evaluates the law into memory of its own; whether the tick may be done here."""
     hand_load(c.grip)
+    _estimate_velocity(c)
     _measure(c)
     _renew(c)
     return _law(c)
@@ -41,6 +42,18 @@ def first_tick(c: ControllerMemory) -> bool:
     """The same of a stage that has just been opened."""
     _measure(c)
     return _law(c)
+
+
+def _estimate_velocity(c: ControllerMemory) -> None:
+    """The velocities of the joints, where they are not measured."""
+    if c.correcting.code != 0:
+        evaluate(c.correcting)
+
+
+def _predict(c: ControllerMemory) -> None:
+    """What the estimate of velocities expects of the next tick, after the command of this one."""
+    if c.predicting.code != 0:
+        evaluate(c.predicting)
 
 
 def _measure(c: ControllerMemory) -> None:
@@ -145,6 +158,10 @@ def _add_up(c: ControllerMemory) -> None:
 
 def start(c: ControllerMemory) -> None:
     """Begins the task at its first stage, whose memory this is, from rest at what is measured."""
+    if c.correcting.code != 0:
+        copy(c.q, c.predicted, c.n)
+        zero(c.predicted[c.n :], c.n)
+        zero(c.v, c.n)
     _measure(c)
     if c.positions:
         copy(c.q, c.rest, c.n)
@@ -168,6 +185,7 @@ def control(c: ControllerMemory) -> int:
     answer for too long, DIVERGED where numbers are not those of a sane arm.
     """
     hand_load(c.grip)
+    _estimate_velocity(c)
     _measure(c)
     _renew(c)
     copy(c.torque, c.torque_before, c.n)
@@ -203,6 +221,7 @@ def _decided(c: ControllerMemory) -> int:
             copy(c.new_torque, c.torque, c.n)
             copy(out, c.outputs, c.n_outputs)
             c.stage_ticks += 1
+            _predict(c)
             return UNANSWERED if over else 0
     if limit or (event != 0 and c.stage_ticks > 0):
         _hand_on(c)
@@ -245,11 +264,13 @@ def leave(c: ControllerMemory) -> int:
     event, handed, rests = int(c.outputs[0]), c.handed, c.rests
     to = follows(c.exits, c.stage, event)
     if to < 0:
+        _predict(c)
         return to
     handed[c.i_handed_same] = float(c.alike[to])
     _estimate(c)
     for k in range(c.needs[to], c.needs[to + 1]):
         if c.estimated[c.needed[k]] != MEASURED:
+            _predict(c)
             return UNKNOWN
     t = float(c.stage_ticks) * c.period
     for k in range(c.n_rests):
@@ -292,6 +313,7 @@ def begin(c: ControllerMemory, after: ControllerMemory, again: int) -> None:
 
 def stop(c: ControllerMemory) -> None:
     """The command that brings the arm to rest, on what is measured."""
+    _estimate_velocity(c)
     copy(c.torque, c.torque_before, c.n)
     if c.positions:
         position, before, rate = c.torque, c.torque_before, c.rate
@@ -305,6 +327,7 @@ def stop(c: ControllerMemory) -> None:
     _measure(c)
     stopping(c.inertia, c.gravity, c.v, c.most, c.unheard, c.decay, c.new_torque, c.n)
     within(c.new_torque, c.torque_before, c.stop_step, c.most, c.torque, c.n)
+    _predict(c)
 
 
 def opened(c: ControllerMemory) -> bool:
@@ -505,6 +528,7 @@ def commit(c: ControllerMemory) -> None:
         for i in range(3):
             recent[3 * at + i] = seen[i]
         c.estimate_ticks += 1
+    _predict(c)
 
 
 def copy(source: Vector, target: Vector, n: int) -> None:

@@ -42,6 +42,8 @@ class ControllerMemory(Evaluations):
     OPENING: ClassVar = frozenset({"choice", "entry", "carrying"})
 
     # functions on memory; those that a run has none of have no code
+    correcting: Evaluation
+    predicting: Evaluation
     terms: Evaluation
     zeroed: Evaluation
     payload: Evaluation
@@ -137,6 +139,9 @@ class ControllerMemory(Evaluations):
     wrench: Vector
     reactions: Vector
     now: Vector
+
+    # of the estimate of velocities
+    predicted: Vector
 
     # of the model's terms
     inertia: Vector
@@ -290,6 +295,11 @@ def _shared(machine: Machine) -> ControllerMemory:
         torque_earlier=machine.earlier,
         last=machine.last,
     )
+    estimator = machine.estimator
+    if estimator is not None:
+        record.correcting = Evaluation(estimator.correct)
+        record.predicting = Evaluation(estimator.predict)
+        record.take(predicted=estimator.predicted)
     zero, estimates = machine.sensor, machine.estimation.estimates
     if zero is not None:
         record.zeroed = Evaluation(zero.function)

@@ -34,6 +34,7 @@ from taskspec.program.execution.stage_solver import (
     no_own_solver,
 )
 from taskspec.program.execution.transition import FAIL, Exit, Transition, exits
+from taskspec.program.execution.velocity_estimator import VelocityEstimator
 from taskspec.program.ports import (
     HANDED,
     INTERNAL,
@@ -46,6 +47,7 @@ from taskspec.program.ports import (
 )
 from taskspec.program.reference.axis_plan import not_finite
 from taskspec.program.stages.stage import CompiledStage
+from taskspec.program.velocity_estimate import VelocityEstimate
 from taskspec.program.world.estimated_frames import Estimates
 from taskspec.robot import RobotModel
 from taskspec.robot.model_terms import ModelTerms
@@ -86,12 +88,13 @@ class Machine:
     `tick`, read `torque` and `outputs`.
 
     Attributes:
-        q, v: (n,) measured joint positions and velocities.
+        q, v: (n,) measured joint positions and velocities; those it estimates it writes itself.
         wrench: (6,) measured, by the environment on the tool tip, world axes [N, N m].
         reactions: (equations,) measured, what the robot applies along each equation's unit
             gradient [N, N m]; those on the tip are computed from the wrench instead.
         sensor: makes the wrench from readings; None where the wrench is written itself.
         payload: that laws adapt to; None where none does.
+        estimator: of joint velocities; None where they are measured.
         period: of control [s].
         runners: of the stages, in their order; `runner` is that of the current one.
         terms: the model terms.
@@ -142,6 +145,13 @@ class Machine:
         self.terms = terms(robot, self.q, self.v, *load)
         self.drives = stages[0].plan.context.drives
         self.rest = self.terms.gravity if self.drives.torques else np.zeros(robot.n)
+        self.estimator: VelocityEstimator | None = None
+        estimate = VelocityEstimate.of(task.control.velocity, period)
+        if estimate is not None:
+            own_state, arrays = (self.q, self.v), self.terms.arrays
+            self.estimator = VelocityEstimator(
+                estimate, robot, own_state, arrays, self.wrench, self.torque
+            )
         self.live = LiveParams(task.live, self.now, first_live(task))
         self._moves = bool(self.live)
         self.payload = payload_estimate(self, task, robot)
@@ -223,6 +233,8 @@ class Machine:
 
     def start(self) -> None:
         """Enters the first stage from rest at the measured pose."""
+        if self.estimator is not None:
+            self.estimator.begin()
         self.torque[:] = self.applied[:] = self.earlier[:] = self.at_rest()
         self._rest_here()
         self._begin(0)
@@ -274,6 +286,8 @@ class Machine:
             0.0 while the current stage goes on; otherwise the event's number has been dealt with:
             the machine has moved to another stage (and computed its first torque) or has ended.
         """
+        if self.estimator is not None:
+            self.estimator.correct.evaluate()
         self.update_terms()
         now, outputs, runner = self._now, self._outputs, self.runner
         self._applied[:] = self._torque
@@ -296,12 +310,14 @@ class Machine:
             stopped = self._hold(runner, clock)
             if stopped or not (event and self._is_limit(event)):
                 self.earlier[:] = self.applied
+                self.predict()
                 return stopped
         if event and (ticks > 1 or self._is_limit(event)):
             self._change(clock)
         else:
             self._commit(runner)
             self.earlier[:] = self.applied
+            self.predict()
         return event
 
     def _commit(self, runner: StageRunner) -> None:
@@ -312,11 +328,18 @@ class Machine:
         if self.payload is not None:
             self.payload.commit(adapts=runner.stage.plan.adapts)
 
+    def predict(self) -> None:
+        """Takes note of the torque that the arm has got, by which its velocity is estimated."""
+        if self.estimator is not None:
+            self.estimator.predict.evaluate()
+
     def look(self, clock: float) -> None:
         """Measures at run time `clock` [s] as the current stage does, which commands nothing.
 
         Model terms and outputs are those of this instant; the torque is for the caller to write.
         """
+        if self.estimator is not None:
+            self.estimator.correct.evaluate()
         self.update_terms()
         self.now[1] = clock
         self.live.move(clock)
@@ -452,6 +475,7 @@ class Machine:
         if fresh:
             self._commit(after)
         self.earlier[:] = self.applied
+        self.predict()
 
     def _end(self, clock: float, event: events.Event, value: float, to: str) -> None:
         self.ended = to or FAIL

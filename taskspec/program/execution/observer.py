@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,35 +24,57 @@ class Observer:
     reference is its own, and what counts from where a stage began counts from where that was.
 
     Attributes:
-        q, v: (n,) to be written before `observe`.
+        state: (n,), (n,) of the arm, from which q and v are copied.
+        q, v: (n,) where it observes.
         outputs: the numbers of `ports.fields`; of a law's own numbers none has a meaning.
+        terms: of the arm's model there.
+        stages: of the machine.
+        visit: number of the stage that has been entered last, and how often it had been.
     """
 
-    def __init__(self, robot: RobotModel, machine: Machine, outputs: Vector) -> None:
-        """Watches a machine; `outputs` is a vector to write into."""
-        self._machine, self.outputs = machine, outputs
-        self._terms = CompiledTerms(robot)
-        self.q, self.v = self._terms.q, self._terms.v
-        inputs = (machine.now, self.q, self.v, *self._terms.arrays, machine.wrench)
+    def __init__(
+        self,
+        robot: RobotModel,
+        machine: Machine,
+        state: tuple[Vector, Vector],
+        views: tuple[Vector, Vector, Vector],
+    ) -> None:
+        """Watches a machine whose arm has a state; q, v and outputs are vectors to write into."""
+        self._machine, self.state = machine, state
+        self.q, self.v, self.outputs = views
+        self.terms = CompiledTerms(robot, self.q, self.v)
+        inputs = (machine.now, self.q, self.v, *self.terms.arrays, machine.wrench)
         given = (*inputs, machine.reactions)
-        self._stages = [
-            _Observed(runner, given, machine.handed, outputs) for runner in machine.runners
+        self.stages = [
+            ObservedStage(runner, given, machine.handed, self.outputs) for runner in machine.runners
         ]
-        self._visit = (-1, 0.0)
+        self.visit = np.array([-1.0, 0.0])
 
     def observe(self) -> None:
         """Evaluates the tick that the machine has just made."""
-        machine, stage = self._machine, self._stages[self._machine.index]
-        self._terms.update()
-        visit = machine.index, float(machine.now[2 + machine.index])
-        if visit != self._visit:
-            self._visit = visit
-            stage.enter(machine.estimation.poses)
-        stage.tick()
+        machine, stage = self._machine, self.stages[self._machine.index]
+        self.q[:], self.v[:] = self.state
+        self.terms.update()
+        visit = machine.index, machine.now[2 + machine.index]
+        if visit != (*self.visit,):
+            self.visit[:] = visit
+            stage.entry.evaluate()
+        stage.observe()
 
 
-class _Observed:
-    """One stage, on arrays of its own."""
+class ObservedStage:
+    """One stage, on arrays of its own.
+
+    Attributes:
+        entry: begins it where the arm truly is.
+        tick: evaluates it there.
+        memory, next_memory: of it, before a tick and after it.
+        own: the parameters that the controller has.
+        parameters: those of the tick: what says where the stage began is of `entered`, all others
+            are the controller's.
+        entered: as the entry made them.
+        places: where parameters say where the stage began.
+    """
 
     def __init__(
         self,
@@ -63,32 +83,25 @@ class _Observed:
         handed: Vector,
         outputs: Vector,
     ) -> None:
-        stage = runner.stage
-        self._runner, entry = runner, stage.entry
-        self._memory, self._next = np.zeros((2, stage.memory.size))
-        self._parameters, self._entered = np.zeros((2, stage.parameters.size))
-        self._poses = np.zeros(12 * len(entry.poses))
+        stage, entry = runner.stage, runner.stage.entry
+        self.memory, self.next_memory = np.zeros((2, stage.memory.size))
+        self.parameters, self.entered = np.zeros((2, stage.parameters.size))
+        self.own = runner.parameters[: len(self.parameters)]
         cubics = np.zeros(entry.function.nnz_out(2))
-        given = [*inputs, handed, self._poses, stage.gains]
-        self._entry = BoundFunction(entry.function, given, [self._memory, self._entered, cubics])
+        given = [*inputs, handed, runner.poses, stage.gains]
+        self.entry = BoundFunction(entry.function, given, [self.memory, self.entered, cubics])
         n = len(inputs[1])
-        results = [np.zeros(n), self._next, outputs, np.zeros(stage.tick.numel_out(3)), np.zeros(n)]
-        given = [*inputs, self._memory, self._parameters]
-        self._tick = BoundFunction(stage.tick, given, results)
+        nothing = np.zeros(n), np.zeros(stage.tick.numel_out(3)), np.zeros(n)
+        results = [nothing[0], self.next_memory, outputs, *nothing[1:]]
+        given = [*inputs, self.memory, self.parameters]
+        self.tick = BoundFunction(stage.tick, given, results)
         slots = stage.parameters.slots
-        self._places = [slots[name] for name in _PLACES if name in slots]
+        ranges = [range(slots[n].start, slots[n].stop) for n in _PLACES if n in slots]
+        self.places = np.array([i for each in ranges for i in each], dtype=np.int64)
 
-    def enter(self, poses: Mapping[str, Vector]) -> None:
-        """Begins the stage where the arm truly is."""
-        for i, name in enumerate(self._runner.stage.entry.poses):
-            self._poses[12 * i : 12 * i + 12] = poses[name]
-        self._entry.evaluate()
-
-    def tick(self) -> None:
+    def observe(self) -> None:
         """One tick, with what the controller has of it."""
-        own = self._runner.parameters[: len(self._parameters)]
-        self._parameters[:] = own
-        for where in self._places:
-            self._parameters[where] = self._entered[where]
-        self._tick.evaluate()
-        self._memory[:] = self._next
+        self.parameters[:] = self.own
+        self.parameters[self.places] = self.entered[self.places]
+        self.tick.evaluate()
+        self.memory[:] = self.next_memory

@@ -116,7 +116,8 @@ def sensor_zero(
     paths = (*task.vary, *task.truth.paths)
     varied = any(path.startswith("robot.sensor") for path in paths)
     # With what encoders show, a reading is turned otherwise than the tool truly is.
-    varied = varied or bool(task.truth.of(ENCODER))
+    coarse = task.robot.encoder is not None or any("robot.encoder" in path for path in paths)
+    varied = varied or coarse or bool(task.truth.of(ENCODER))
     if sensor == Sensor() and not varied and not any(s.tare for s in task.stages.values()):
         return None
     return SensorZero(robot, weighs=sensor.at == "wrist", payload=payload)

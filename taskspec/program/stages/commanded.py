@@ -49,6 +49,7 @@ class Commanded:
         case: what the law was filled in with.
         command: of the law.
         closed_form: (n,) torque of its closed form [N m].
+        friction: (n,) what is added against the joints' friction [N m]; None for nothing.
         torque: (n,) the same with what is left of the last stage's.
         conditions: that come with the angles in which the law is stated.
         tank: what its tank makes of the torque; None without one.
@@ -60,9 +61,15 @@ class Commanded:
     case: Case
     command: Command
     closed_form: ca.SX
+    friction: ca.SX | None
     torque: ca.SX
     conditions: list[Condition]
     tank: TankStep | None = None
+
+    @property
+    def own(self) -> ca.SX:
+        """(n,) the closed form's torque, with what is added against friction."""
+        return self.closed_form if self.friction is None else self.closed_form + self.friction
 
     @property
     def set_points(self) -> dict[str, ca.SX]:
@@ -144,7 +151,9 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
     fading = carried_torque.fading(measurement.parameters, measurement.clock, closed_form.shape[0])
     if context.drives.positions:  # It is carried as what a period adds to a position.
         fading = fading / context.period
-    commanded = closed_form + fading
+    friction = None if context.friction is None else context.friction.torque(case)
+    own = closed_form if friction is None else closed_form + friction
+    commanded = own + fading
     step = None if law.tank is None else _tank_step(plan, measurement, case, commanded)
     return Commanded(
         references,
@@ -153,6 +162,7 @@ def command(plan: StagePlan, measurement: Measurement) -> Commanded:
         case,
         wanted,
         closed_form,
+        friction,
         commanded if step is None else step.torque,
         conditions,
         step,

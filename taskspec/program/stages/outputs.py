@@ -148,6 +148,7 @@ def _optional(name: str, size: int, measurement: Measurement, commanded: Command
     found = {
         "gain": lambda: _gains(measurement, commanded),
         "param": lambda: measurement.clock.live,
+        "friction": lambda: commanded.friction,
         "disturbance": lambda: situation.disturbance,
         "tank": lambda: None if commanded.tank is None else commanded.tank.outputs,
         "payload": lambda: situation.payload,

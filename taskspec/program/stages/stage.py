@@ -55,9 +55,11 @@ class CompiledStage:
         events: what the event number means, 1-based.
         tick: the fused function. Its results are the torque (n,), the next memory, the outputs,
             what the programs of its limits are made of, and the torque (n,) of the law's closed
-            form, before anything that is carried, limits and saturation.
-        closed_form: the tick's inputs -> that torque (n,), the next memory, the numbers of
-            `LAW` and the reference of each equation: what the stage is analysed by.
+            form and against friction, before anything that is carried, limits and saturation.
+        closed_form: the tick's inputs -> the torque (n,) of the closed form alone, the next
+            memory, the numbers of `LAW` and the reference of each equation: what the stage is
+            analysed by.
+        compensated: the same with what is added against friction; None where that is nothing.
         entry: how it is entered.
         leaving: what it hands on, see `hand_over.leaving`.
         own: at entry, the tick's inputs -> own(0) and own'(0) of every axis before blending.
@@ -74,6 +76,7 @@ class CompiledStage:
     events: tuple[Event, ...]
     tick: ca.Function
     closed_form: ca.Function
+    compensated: ca.Function | None
     entry: StageEntry
     leaving: ca.Function
     own: ca.Function
@@ -120,7 +123,7 @@ def _compiled(plan: StagePlan) -> CompiledStage:
     commanded = command(filled, measurement)
     limited = _limited(plan, measurement, commanded) if plan.law.solve == "qp" else None
     torque = limited.limits.command if limited else saturated(context.drives, commanded.torque)
-    closed_form = commanded.closed_form
+    closed_form = commanded.own
     if context.drives.positions:
         before = last_command(context, measurement.parameters)
         torque = before + context.period * torque
@@ -149,7 +152,10 @@ def _compiled(plan: StagePlan) -> CompiledStage:
         closed_form,
     ]
     arguments = [*measurement.inputs.symbols(), memory.vector(), parameters.vector()]
-    law = [commanded.closed_form, remembered, of_the_law(measurement, commanded)]
+    law = [
+        *(commanded.closed_form, remembered, of_the_law(measurement, commanded)),
+        commanded.own,
+    ]
     if TORQUE in memory:
         # What is analysed commands nothing but the closed form, and knows it as a state.
         applied = last_command(context, parameters)
@@ -167,7 +173,12 @@ def _compiled(plan: StagePlan) -> CompiledStage:
         initial=initial,
         events=events,
         tick=ca.Function("tick", arguments, results),
-        closed_form=ca.Function("closed_form", arguments, law),
+        closed_form=ca.Function("closed_form", arguments, law[:-1]),
+        compensated=(
+            None
+            if commanded.friction is None
+            else ca.Function("compensated", arguments, [law[-1], *law[1:-1]])
+        ),
         entry=Entering(
             plan, gains_at_entry, measurement, estimated, initial, at_entry, own
         ).entry(),

@@ -17,6 +17,7 @@ from taskspec.program.evaluation import Evaluation
 from taskspec.program.execution import controller, controller_memory, pivots, stage_solver
 from taskspec.program.execution.controller_memory import controller_memories
 from taskspec.program.execution.machine import Opening
+from taskspec.program.execution.observer import Observer
 from taskspec.program.limits import relaxing
 from taskspec_runner.loop.closed_loop import LOOK_EVERY, ClosedLoop
 from taskspec_runner.loop.native import tick_memory, ticks
@@ -91,9 +92,11 @@ class NativeLoop:
                 weights=weights(len(bus.array)),
             )
         self._stages = []
-        for control in controller_memories(machine):
+        for index, control in enumerate(controller_memories(machine)):
             stage = TickMemory(base)
             stage.control = control
+            if plant.observer is not None:
+                _observed(stage, plant.observer, index)
             self._stages.append(stage)
         #: Stages some of whose functions have no machine code of their own.
         self._lacking = set(range(len(self._stages)))
@@ -259,7 +262,29 @@ def _measured(record: TickMemory, plant: Plant) -> None:
     )
 
 
+def _observed(record: TickMemory, observer: Observer, index: int) -> None:
+    """Who observes the truth of a stage."""
+    stage = observer.stages[index]
+    record.observed_terms = Evaluation(observer.terms.bound)
+    record.observed_entry, record.observed = Evaluation(stage.entry), Evaluation(stage.tick)
+    record.take(
+        n_observed=len(stage.memory),
+        n_observed_parameters=len(stage.parameters),
+        n_observed_places=len(stage.places),
+        observed_q=observer.q,
+        observed_v=observer.v,
+        observed_visit=observer.visit,
+        observed_memory=stage.memory,
+        observed_next_memory=stage.next_memory,
+        observed_own=stage.own,
+        observed_parameters=stage.parameters,
+        observed_entered=stage.entered,
+        observed_places=stage.places,
+    )
+
+
 def _sensor(record: TickMemory, sensing: Sensing) -> None:
+    record.encoder = Evaluation(sensing.encoder)
     sensor = sensing.sensor
     if sensor is None:
         return

@@ -31,7 +31,11 @@ class TickMemory(Evaluations):
     control: ControllerMemory
 
     # functions on memory; those that a run has none of have no code
+    encoder: Evaluation
     sensor: Evaluation
+    observed_terms: Evaluation
+    observed_entry: Evaluation
+    observed: Evaluation
     forces: Evaluation
     moving: Evaluation
     equations: Evaluation
@@ -63,6 +67,11 @@ class TickMemory(Evaluations):
     i_clock: int
     i_t: int
     i_stage: int
+
+    # who observes the truth where joints are not exact
+    n_observed: int  # numbers that the observed stage remembers
+    n_observed_parameters: int
+    n_observed_places: int  # of them, that say where the stage began
 
     # the sensor
     noisy: int  # whether it has noise
@@ -122,11 +131,17 @@ class TickMemory(Evaluations):
     true_wrench: Vector
     true_reactions: Vector
 
-    # the tick: what holds, and what a tick makes of it
+    # who observes the truth
+    observed_q: Vector
+    observed_v: Vector
+    observed_visit: Vector
+    observed_memory: Vector
+    observed_next_memory: Vector
+    observed_own: Vector
+    observed_parameters: Vector
+    observed_entered: Vector
 
-    # a stage that is opened
-
-    # the sensor and its zero
+    # the sensor
     noise_rows: Vector
     noise: Vector
     samples: Vector
@@ -201,6 +216,7 @@ class TickMemory(Evaluations):
     bus: Vector
     rows: Vector
 
+    observed_places: Words
     mechanism_at: Words
     mechanism_dof: Words
     loose_at: Words

@@ -47,6 +47,7 @@ def run(c: TickMemory, todo: int) -> int:
                 controller.end(c.control)
                 return ENDS
         controller.commit(c.control)
+        _observe(c)
         _step(c)
         _record(c)
         c.control.ticks += 1
@@ -58,7 +59,10 @@ def run(c: TickMemory, todo: int) -> int:
 
 def _sense(c: TickMemory) -> None:
     """Joint state of this instant, and the wrench of the step before."""
-    copy(c.true_q, c.control.q, c.control.n)
+    if c.encoder.code == 0:
+        copy(c.true_q, c.control.q, c.control.n)
+    else:
+        evaluate(c.encoder)
     copy(c.true_v, c.control.v, c.control.n)
     copy(c.true_reactions, c.control.reactions, c.control.n_reactions)
     if c.sensor.code == 0:
@@ -71,6 +75,27 @@ def _sense(c: TickMemory) -> None:
     c.sensor_ticks += 1
     evaluate(c.sensor)
     copy(c.sensor_kept, c.sensor_memory, c.n_sensor)
+
+
+def _observe(c: TickMemory) -> None:
+    """The tick once more of the joints' true state, where they are not measured as they are."""
+    if c.observed.code == 0:
+        return
+    now, visit, places = c.control.now, c.observed_visit, c.observed_places
+    copy(c.true_q, c.observed_q, c.control.n)
+    copy(c.true_v, c.observed_v, c.control.n)
+    evaluate(c.observed_terms)
+    stage, times = float(c.control.stage), now[2 + c.control.stage]
+    if visit[0] != stage or visit[1] != times:
+        visit[0] = stage
+        visit[1] = times
+        evaluate(c.observed_entry)
+    parameters, entered = c.observed_parameters, c.observed_entered
+    copy(c.observed_own, parameters, c.n_observed_parameters)
+    for i in range(c.n_observed_places):
+        parameters[places[i]] = entered[places[i]]
+    evaluate(c.observed)
+    copy(c.observed_next_memory, c.observed_memory, c.n_observed)
 
 
 def _step(c: TickMemory) -> None:

@@ -1,0 +1,246 @@
+"""What the controller makes of its encoders, and of the friction of joints that it compensates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taskspec.laws.friction import Compensation
+from taskspec.program.components import ends
+from taskspec.program.plan import TaskPlan
+from taskspec.program.velocity_estimate import VelocityEstimate
+from taskspec.rules import Finding, Phase, error, rule, warning
+from taskspec.spec import FILE, KeyPath
+from taskspec.spec.joint_velocity import DIFFERENCES
+from taskspec.stability.loop import UnfitError
+from taskspec.stability.margin import grows
+from taskspec.stability.sampled_stage import SampledStage, analyse, loop_of
+from taskspec.text.units import TIME, number, scaled, show
+
+Vector = NDArray[np.float64]
+
+#: From this part of what a motor can exert on, torques that encoders make are reported.
+_SHARE = 0.2
+#: From this factor on it is reported how much further off an arm rests with an observer.
+_FARTHER = 1.5
+_FRICTION = "robot.joint_friction"
+
+
+@rule(
+    {
+        "TS141": "a velocity of joints that cannot be estimated so",
+        "TS142": "a compensation of friction that has nothing to compensate",
+    },
+    phase=Phase.TASK,
+)
+def possible_feedback(task: TaskPlan) -> Iterator[Finding]:
+    """Estimates and compensations that the arm, or the controller's rate, does not allow."""
+    spec = task.context.loaded.task
+    velocity, friction, rate = spec.control.velocity, spec.control.friction, spec.control.rate
+    place = FILE.control.velocity
+    if velocity.observer is not None and not spec.robot.takes_torques:
+        yield error(
+            "TS141",
+            f"an observer goes by the torques that are commanded, and {spec.robot.model!r} takes "
+            f"{spec.robot.commands}",
+            place.observer,
+            "take filtered differences: velocity: {filter: 50 Hz}",
+        )
+    corner = velocity.corner
+    if corner is not None and corner >= rate / 2:
+        yield error(
+            "TS141",
+            f"a corner at {show(corner, 'Hz', 3)} is beyond half the controller's rate of "
+            f"{show(rate, 'Hz', 4)}",
+            place.filter if velocity.observer is None else place.observer,
+            f"lower it, or take plain differences: velocity: {DIFFERENCES}",
+        )
+    if friction is None:
+        return
+    if not spec.robot.takes_torques:
+        yield error(
+            "TS142",
+            f"joints that take {spec.robot.commands} have a servo for their friction",
+            FILE.control.friction,
+            "leave it out",
+        )
+    elif not any((*spec.robot.joint_friction, *spec.robot.joint_damping)):
+        yield error(
+            "TS142",
+            "the robot declares no friction that could be compensated",
+            FILE.control.friction,
+            "say what is known of it, such as robot: {joint_friction: 0.5 N*m}",
+        )
+
+
+@rule("TS349", "encoders so coarse that torques jump", phase=Phase.STABILITY)
+def coarse_encoders(task: TaskPlan) -> Iterator[Finding]:
+    """Stages in which lines of the encoders move the torque by more than a part of its limit.
+
+    By |K| r/2 of the positions, and |D| r/2 times what the estimate of velocities makes of it at
+    most; K and D are du/dq and du/dq' about the equilibrium.
+    """
+    context = task.context
+    loaded, robot = context.loaded, context.robot
+    encoder = loaded.true_task.robot.encoder
+    if encoder is None or not loaded.task.robot.takes_torques:
+        return
+    off = np.broadcast_to(encoder.resolution, robot.n) / 2
+    if len(encoder.resolution) not in (1, robot.n) or not off.any():
+        return
+    estimate = VelocityEstimate.of(loaded.task.control.velocity, context.period)
+    worst: tuple[float, str, int, float] | None = None
+    for name in task.stages:
+        sampled = _loop(task, name)
+        if sampled is None:
+            continue
+        noise = _noise(sampled, off, estimate)
+        share = noise / robot.torque_limit
+        i = int(np.argmax(share))
+        if worst is None or share[i] > worst[0]:
+            worst = float(share[i]), name, i, float(noise[i])
+    if worst is None or not worst[0] > _SHARE:
+        return
+    share, name, i, noise_i = worst
+    unit = "N*m" if robot.hinges[i] else "N"
+    declared = loaded.task.robot.encoder is not None
+    yield warning(
+        "TS349",
+        f"the lines of the encoders may move the torque of joint {i + 1} by "
+        f"{show(noise_i, unit, 3)} in stage {name!r}, {100 * share:.0f} % of what it can exert",
+        FILE.robot.encoder if declared else FILE.truth,
+        _REMEDY_OF_NOISE[_kind(estimate)],
+    )
+
+
+_REMEDY_OF_NOISE = {
+    "measured": "lower the stiffness, or take finer encoders",
+    "differences": "take filtered differences, control: {velocity: {filter: 50 Hz}}, or an "
+    "observer, control: {velocity: {observer: 80 Hz}}",
+    "filter": "lower the corner of the filter, take an observer, or lower the damping",
+    "observer": "lower the corner of the observer, or the damping of the law",
+}
+
+
+def _kind(estimate: VelocityEstimate | None) -> str:
+    if estimate is None:
+        return "measured"
+    if estimate.modelled:
+        return "observer"
+    return "filter" if estimate.pole else "differences"
+
+
+def _noise(sampled: SampledStage, off: Vector, estimate: VelocityEstimate | None) -> Vector:
+    """(n,) by how much torques are off where positions are off by up to `off` (n,) [N m, N]."""
+    n, of_u = len(off), np.abs(sampled.controller.torque)
+    found = of_u[:, :n] @ off
+    if estimate is not None:
+        found += estimate.of_position * (of_u[:, n : 2 * n] @ off)
+    return np.asarray(found)
+
+
+@rule("TS517", "an observer that takes friction for motion", phase=Phase.STABILITY)
+def observed_friction(task: TaskPlan) -> Iterator[Finding]:
+    """Stages that friction keeps further from their reference than without an observer.
+
+    Of a joint that friction holds against a torque u - g, the observer believes that it moves with
+    c (u - g) / h, c = `of_acceleration`. A damper d takes that off, so that of a pull p only
+    p / (1 + d c / h) is left, and the joint sticks that many times further from its reference.
+    """
+    context = task.context
+    loaded = context.loaded
+    estimate = VelocityEstimate.of(loaded.task.control.velocity, context.period)
+    if estimate is None or not estimate.modelled or not any(loaded.true_task.robot.joint_friction):
+        return
+    n, H = context.robot.n, context.start_inertia
+    worst, of = 0.0, ""
+    for name in task.stages:
+        sampled = _loop(task, name)
+        if sampled is not None:
+            D = -sampled.controller.torque[:, n : 2 * n]
+            share = estimate.of_acceleration * np.linalg.eigvals(np.linalg.solve(H, D)).real.max()
+            worst, of = max((worst, of), (float(share), name))
+    if 1 + worst > _FARTHER:
+        lag = scaled(estimate.of_acceleration, TIME, 2)
+        yield warning(
+            "TS517",
+            f"friction holds joints up to {number(1 + worst, 2)} times as far from the reference "
+            f"in stage {of!r} as with measured velocities: the observer, {lag} behind what it does "
+            "not know, takes the torque against friction for motion, and the damper takes it off",
+            FILE.control.velocity.observer,
+            "raise its corner, or take filtered differences: control: {velocity: {filter: 50 Hz}}",
+        )
+
+
+@rule("TS518", "more friction compensated than there is", phase=Phase.STABILITY)
+def over_compensated(task: TaskPlan) -> Iterator[Finding]:
+    """Stages that may hunt, as they push harder against friction than friction does.
+
+    Where it takes at least what is compensated, both together take energy. Else what is added is a
+    spring about the reference: a stage whose sampled loop does not bear that may hunt.
+    """
+    friction = task.context.friction
+    if friction is None or not task.context.loaded.task.robot.takes_torques:
+        return
+    least, place = _least_friction(task)
+    beyond = np.array(friction.coulomb) - least
+    i = int(np.argmax(beyond))
+    if not beyond[i] > 0:
+        return
+    for name in task.stages:
+        sampled = _loop(task, name)
+        if sampled is None or not _grows(sampled):
+            continue
+        unit = "N*m" if task.context.robot.hinges[i] else "N"
+        yield warning(
+            "TS518",
+            f"joint {i + 1} gets {show(friction.coulomb[i], unit, 3)} against a friction of which "
+            f"there may be {show(float(least[i]), unit, 3)}: what is too much acts as a spring of "
+            f"{_spring(friction, i)} about the reference, with which stage {name!r} is not stable "
+            "as it is sampled: it may hunt",
+            place,
+            "compensate a smaller share, or widen its sign: control: {friction: {share: "
+            f"{100 * task.context.loaded.task.control.friction.share:.0f} %, "
+            f"width: {show(10 * friction.width, 'mrad/s', 3)}}}}}",
+        )
+        return
+
+
+def _spring(friction: Compensation, joint: int) -> str:
+    return show(friction.stiffness(joint), "N*m/rad", 3)
+
+
+def _grows(sampled: SampledStage) -> bool:
+    """Whether a stage is not stable with the compensation's own stiffness."""
+    compensated = sampled.stage.compensated
+    assert compensated is not None
+    other = analyse(replace(sampled.stage, closed_form=compensated))
+    try:
+        return other is not None and any(grows(mode) for mode in other.modes())
+    except UnfitError:
+        return False
+
+
+def _least_friction(task: TaskPlan) -> tuple[Vector, KeyPath]:
+    """(n,) least friction that joints may have [N m, N], and where the file says so."""
+    context = task.context
+    loaded, n = context.loaded, context.robot.n
+    least = np.broadcast_to(np.array(loaded.true_task.robot.joint_friction), n).astype(float)
+    place = FILE.truth[_FRICTION] if _FRICTION in loaded.task.truth.paths else FILE.control.friction
+    for variation in loaded.task.vary.get(_FRICTION, ()):
+        if variation is not None:
+            low = ends(context, _FRICTION, None, variation)[0]
+            if low < least.min():
+                least, place = np.full(n, low), FILE.vary[_FRICTION]
+    return least, place
+
+
+def _loop(task: TaskPlan, name: str) -> SampledStage | None:
+    """The loop of a stage; None where its torque has no derivative, or it is no path of tools."""
+    try:
+        return loop_of(task, name)
+    except UnfitError:
+        return None
