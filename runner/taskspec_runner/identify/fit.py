@@ -60,6 +60,8 @@ _LITTLE = 1e-3
 _MOST_TOUCHES, _OVER, _WORTHWHILE = 4, 0.05, 4.0
 #: Ticks by which all delays that are as near are tried, where far ones are not, and where they are.
 _NEAR_DELAYS = 2, 8
+#: Of the information on a parameter, what arithmetic leaves in doubt.
+_LAST_DIGITS = 1e-12
 #: Of a parameter's scale, by which differences are taken.
 _DIFFERENCE = 1e-6
 #: What changes readings by less than this share of the largest is a matter of their last digits.
@@ -600,7 +602,11 @@ class _Search:
         blocks = problem.blocks(self.values, self.delay, by=taken, of=of)
         noises, scales = noises_of(blocks), problem.scales[taken]
         M, _, left, _ = normal_equations(blocks, noises, scales)
-        covariance = np.linalg.inv(M + np.eye(len(M)) / WEAK**2)
+        whole = M + np.eye(len(M)) / WEAK**2
+        size = np.sqrt(np.diag(whole))
+        # Two parameters may show as one by more digits than numbers have.
+        scaled = whole / np.outer(size, size) + _LAST_DIGITS * np.eye(len(M))
+        covariance = np.linalg.inv(scaled) / np.outer(size, size)
         best, start = left - _WORTHWHILE, self.values
         for slope, moves in self._touches(taken):
             along = covariance @ slope
