@@ -98,10 +98,10 @@ def coarse_encoders(task: TaskPlan) -> Iterator[Finding]:
         if sampled is None:
             continue
         noise = _noise(sampled, off, estimate)
-        share = noise / robot.torque_limit
-        i = int(np.argmax(share))
-        if worst is None or share[i] > worst[0]:
-            worst = float(share[i]), name, i, float(noise[i])
+        shares = noise / robot.torque_limit
+        i = int(np.argmax(shares))
+        if worst is None or shares[i] > worst[0]:
+            worst = float(shares[i]), name, i, float(noise[i])
     if worst is None or not worst[0] > _SHARE:
         return
     share, name, i, noise_i = worst
@@ -182,8 +182,8 @@ def over_compensated(task: TaskPlan) -> Iterator[Finding]:
     Where it takes at least what is compensated, both together take energy. Else what is added is a
     spring about the reference: a stage whose sampled loop does not bear that may hunt.
     """
-    friction = task.context.friction
-    if friction is None or not task.context.loaded.task.robot.takes_torques:
+    friction, declared = task.context.friction, task.context.loaded.task.control.friction
+    if friction is None or declared is None or not task.context.loaded.task.robot.takes_torques:
         return
     least, place = _least_friction(task)
     beyond = np.array(friction.coulomb) - least
@@ -203,7 +203,7 @@ def over_compensated(task: TaskPlan) -> Iterator[Finding]:
             "as it is sampled: it may hunt",
             place,
             "compensate a smaller share, or widen its sign: control: {friction: {share: "
-            f"{100 * task.context.loaded.task.control.friction.share:.0f} %, "
+            f"{100 * declared.share:.0f} %, "
             f"width: {show(10 * friction.width, 'mrad/s', 3)}}}}}",
         )
         return

@@ -228,6 +228,7 @@ def words() -> tuple[str, ...]:
 
 
 _BY_WHOLE_NAME = (ENERGY, TANK, PAYLOAD)
+_BY_LAST_NAME: dict[str, dict[str, Signal]] = {Index.LINK: LINK, Index.GRIP: GRIP}
 
 
 def find(
@@ -265,11 +266,9 @@ def find(
             return Entry(gain, on, gain.dimensions[on]) if on in gain.dimensions else None
         case (Index.ESTIMATE, name, axis) if name in ESTIMATE and as_axis(axis) in TRANSLATIONS:
             return Entry(ESTIMATE[name], axis, ESTIMATE[name].dimension)
-        case (Index.LINK | Index.GRIP as index, name) if name in _TABLES[index]:
-            found = _TABLES[index][name]
-            return Entry(found, "", found.dimension)
-        case (_, _):
-            whole = (by[".".join(path)] for by in _BY_WHOLE_NAME if ".".join(path) in by)
-            return next((Entry(found, "", found.dimension) for found in whole), None)
+        case (head, last):
+            by_last = _BY_LAST_NAME.get(head, {})
+            named = [by_last.get(last), *(by.get(f"{head}.{last}") for by in _BY_WHOLE_NAME)]
+            return next((Entry(each, "", each.dimension) for each in named if each), None)
         case _:
             return None

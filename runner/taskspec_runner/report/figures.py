@@ -354,8 +354,8 @@ def _energies(run: Run) -> Iterator[Chart | None]:
     yield _of_energy(run, "work", "What changes the stored energy", lines, note)
     if run.column("tank.energy") is not None:
         yield _tank(run)
-        lines = [Drawn("tank.power", "j3", "out of it", continuous=True)]
-        yield of_signals(run, "tank power", "Power out of the energy tank", lines)
+        power = [Drawn("tank.power", "j3", "out of it", continuous=True)]
+        yield of_signals(run, "tank power", "Power out of the energy tank", power)
 
 
 def _tank(run: Run) -> Chart:

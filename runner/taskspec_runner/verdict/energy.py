@@ -112,7 +112,8 @@ class StageEnergy:
         """(n,) what a term has put in from within [J]; a tank what it had not got before."""
         if name != "tank" or self.tank is None:
             return self.works[name]
-        return self.works[name] + self.tank.energy - self.tank.energy[0]
+        net: Vector = self.works[name] + self.tank.energy - self.tank.energy[0]
+        return net
 
     @cached_property
     def gain(self) -> tuple[int, int, str] | None:

@@ -50,9 +50,9 @@ def _more(plan: StagePlan, places: Mapping[str, slice]) -> tuple[int, ...]:
     """Of each number after those of `HANDED` the output that it is, or which constant."""
     task, found = plan.context.loaded.task, list[int]()
     if task.observes:
-        own, n = plan.law.disturbance_observer is not None, plan.context.robot.n
-        first = places["disturbance"].start
-        found += range(first, first + n) if own else [_ZERO] * n
+        n, first = plan.context.robot.n, places["disturbance"].start
+        has = plan.law.disturbance_observer is not None
+        found += range(first, first + n) if has else [_ZERO] * n
     if task.tanks:
         first = places["tank"].start
         own = [first + TANK.index("energy"), first + TANK.index("stretched"), _ONE]

@@ -145,15 +145,15 @@ def _gains(measurement: Measurement, commanded: Commanded) -> ca.SX:
 def _optional(name: str, size: int, measurement: Measurement, commanded: Commanded) -> ca.SX:
     """(size,) an output that not every task has, NaN in a stage that does not have it."""
     situation, now = measurement.table.situation, measurement.inputs.now
-    found = {
-        "gain": lambda: _gains(measurement, commanded),
-        "param": lambda: measurement.clock.live,
-        "friction": lambda: commanded.friction,
-        "disturbance": lambda: situation.disturbance,
-        "tank": lambda: None if commanded.tank is None else commanded.tank.outputs,
-        "payload": lambda: situation.payload,
-        "grip": lambda: now[-2:],
-    }[name]()
+    found: ca.SX | None = {
+        "gain": _gains(measurement, commanded),
+        "param": measurement.clock.live,
+        "friction": commanded.friction,
+        "disturbance": situation.disturbance,
+        "tank": None if commanded.tank is None else commanded.tank.outputs,
+        "payload": situation.payload,
+        "grip": now[-2:],
+    }[name]
     return ca.SX.nan(size) if found is None else found
 
 
