@@ -19,6 +19,7 @@ _NAMES = {
     signals.Index.JOINT: "joint.N.{0}",
     signals.Index.STAGE: "STAGE.{0}",
     signals.Index.LINK: "link.{0}",
+    signals.Index.GRIP: "grip.{0}",
     signals.Index.ESTIMATE: "estimate.{0}.AXIS",
     signals.Index.GAIN: "gain.{0}.ENTRY",
 }

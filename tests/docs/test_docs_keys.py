@@ -22,7 +22,9 @@ from taskspec.spec.frame import Frame
 from taskspec.spec.gains import GainField
 from taskspec.spec.gripper import GripCommand, Gripper
 from taskspec.spec.joint_expressions import JointExpressions
+from taskspec.spec.joint_friction import FrictionCompensation
 from taskspec.spec.joint_targets import JointTargets
+from taskspec.spec.joint_velocity import VelocitySource
 from taskspec.spec.law import ForceGains, StiffnessEstimate
 from taskspec.spec.limits import Limits
 from taskspec.spec.mechanism import (
@@ -54,12 +56,13 @@ from taskspec.spec.quantities import (
     QuantityList,
 )
 from taskspec.spec.reward import Reward
-from taskspec.spec.robot import Flange, Noise, Payload, Pose, Sensor, Start, Tool
+from taskspec.spec.robot import Flange, JointEncoder, Noise, Payload, Pose, Sensor, Start, Tool
 from taskspec.spec.servo import Servo
 from taskspec.spec.set_point import SetPoint
 from taskspec.spec.sliding import Sliding
 from taskspec.spec.stage import Branch, Stage, Within
 from taskspec.spec.sweep import Sweep
+from taskspec.spec.tank import Tank
 from taskspec.spec.world import Motion, Shape
 from taskspec.text.units import ANGLE
 
@@ -71,6 +74,7 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "robot.tool": (Tool,),
     "robot.start": (Start,),
     "robot.sensor": (Sensor,),
+    "robot.encoder": (JointEncoder,),
     "robot.sensor.noise": (Noise,),
     "robot.servo": (Servo,),
     "robot.protection": (Protection,),
@@ -98,8 +102,11 @@ KEYS: dict[str, tuple[type[Model], ...]] = {
     "law.adapt": (Adapt,),
     "law.adapt.payload": (PayloadAdaptation,),
     "law.estimate": (StiffnessEstimate,),
+    "law.tank": (Tank,),
     "limits": (Limits,),
     "control": (Control,),
+    "control.velocity": (VelocitySource,),
+    "control.friction": (FrictionCompensation,),
     "payload": (Payload,),
     "sweep": (Sweep,),
     "reward": (Reward,),
