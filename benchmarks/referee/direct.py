@@ -30,6 +30,7 @@ class Direct(PlantServer):
             told["robot"].get("command", "torque"),
             len(told["robot"]["joints"]),
         )
+        self._grips = told.get("grips", False)
         self.client, self.rejected = name, 0
         self._newest, self._answer, self._answered = -1, b"", True
 

@@ -195,7 +195,7 @@ def test_other_robots_and_rates_are_told(tmp_path: Path, touch: Path) -> None:
     for change, said in (
         ({"period": 2e-3}, "runs at 500 Hz, .* run it with --set control.rate=500Hz"),
         ({"wrench": "reading"}, "gives readings of a sensor"),
-        ({"reactions": ("bars",)}, "measures the constraints bars, the task has none"),
+        ({"reactions": ("bars",)}, "measures bars, the task needs none"),
     ):
         with pytest.raises(InputError, match=said):
             mine.check(RobotFacts(**parts | change), "udp://h:5")
