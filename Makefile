@@ -100,8 +100,8 @@ boundaries: $(READY)  ## boundaries of force loops over servos: closed form, sam
 servo-designs: $(READY)  ## designed gains of 500 random presses over servos, from their boundary; docs/admittance-boundary.md
 	$(BIN)/python campaigns/servo_tasks.py --tasks 500 --page docs/admittance-boundary.md
 
-tune-worlds: $(READY)  ## 20 random tasks tuned, and judged in 50 fresh worlds each; docs/how-to/tune.md
-	$(BIN)/python campaigns/tuned_worlds.py --tasks 20 --fresh 50 --page docs/how-to/tune.md
+tune-worlds: $(READY)  ## 14 random tasks tuned, and judged in 50 fresh worlds each; docs/how-to/tune.md
+	$(BIN)/python campaigns/tuned_worlds.py --tasks 14 --fresh 50 --page docs/how-to/tune.md
 
 identify-worlds: $(READY)  ## 500 hidden worlds identified from a run each: how often intervals hold; docs/identify.md
 	$(BIN)/python campaigns/identified_worlds.py --seed 211 --worlds 500 --tasks judge --page docs/identify.md

@@ -5,7 +5,7 @@ drawn. Half of them have designed gains, the others those of another cell: desig
 random factors. Each is tuned, and then run in fresh worlds of a seed that neither the search nor
 its own verification used:
 
-    python campaigns/tuned_worlds.py --tasks 20 --fresh 50 --page docs/how-to/tune.md
+    python campaigns/tuned_worlds.py --tasks 14 --fresh 50 --page docs/how-to/tune.md
 
 Numbers below `JUDGING` are to try the search with; those from there on judge it.
 """
@@ -163,7 +163,7 @@ def lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 def main(arguments: Sequence[str]) -> int:
     """Runs the campaign."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else "")
-    parser.add_argument("--tasks", type=int, default=20)
+    parser.add_argument("--tasks", type=int, default=14)
     parser.add_argument("--first", type=int, default=JUDGING)
     parser.add_argument("--fresh", type=int, default=50)
     parser.add_argument("--budget", type=int, default=50)
