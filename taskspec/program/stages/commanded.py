@@ -230,6 +230,7 @@ def stage_energy(
     """What the law of a stage stores; None where it states no storage function.
 
     Of a law in Euler angles that turns the tool there is none: a log has no rates of these angles.
+    Nor is there one of gains that follow an estimate.
 
     Args:
         plan: of the stage.
@@ -238,7 +239,8 @@ def stage_energy(
         filled: power of the dampers, which fill it [W]; None likewise.
     """
     turns = any(axis.is_rotation for axis in case.state.axes)
-    if plan.joint_path is not None or (turns and plan.law.orientation != "so3"):
+    unstated = plan.joint_path is not None or plan.estimates.axes
+    if unstated or (turns and plan.law.orientation != "so3"):
         return None
     if granted is not None and filled is not None:
         return energy.beside_a_tank(case, granted, filled)
