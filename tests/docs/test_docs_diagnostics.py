@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 #: No file comes as far as this one: a tool's sizes are asked for when a file is read.
 WITHOUT_A_FILE = {"TS407", "TS622", "TS623"}
 #: Codes of what a trial may come to beside what a rule has found.
-ENDS = {"TS424", "TS427", "TS428", "TS508", "TS611", "TS616"}
+ENDS = {"TS424", "TS427", "TS428", "TS508", "TS521", "TS611", "TS616"}
 WITH_A_FILE = [page(path) for path in PAGES if path.stem not in WITHOUT_A_FILE]
 
 

@@ -136,7 +136,7 @@ NEEDED = {
     r"payload\.": "law: {kind: pd, adapt: payload}\n",
     r"joint\.\d\.disturbance": "law: {kind: pd, disturbance_observer: 20 Hz}\n",
     r"grip\.": "world: {table: {shape: plane}, cap: {shape: sphere, radius: 20 mm,"
-    " free: true, mass: 100 g}}\n",
+    " free: true, mass: 100 g, friction: 0.5, xyz: [450 mm, 0, 330 mm]}}\n",
 }
 
 
