@@ -4,7 +4,7 @@ A world is drawn by seed: what `truth` has of it is hidden from the file that is
 of `--tasks judge` are those of docs/identify.md; nothing was developed with them.
 
     python campaigns/identified_worlds.py --seed 7 --worlds 60 --tasks develop
-    python campaigns/identified_worlds.py --seed 211 --worlds 500 --tasks judge
+    python campaigns/identified_worlds.py --seed 307 --worlds 500 --tasks judge
 """
 
 from __future__ import annotations
