@@ -44,19 +44,6 @@ class Sphere(ToolSurface):
         """Of a part alone."""
         return fixed_part(data)
 
-    @property
-    def half_sizes(self) -> Vector:
-        """(3,) the radius [m]."""
-        return np.full(3, self.radius)
-
-    def support(self, n: ca.SX) -> ca.SX:  # noqa: ARG002
-        """The radius."""
-        return ca.SX(self.radius)
-
-    def flat_along(self, n: ca.SX) -> ca.SX:  # noqa: ARG002
-        """Nowhere."""
-        return ca.SX.zeros(3)
-
     def height(self, x: ca.SX) -> ca.SX:
         """Distance [m] from the centre less the radius."""
         return ca.norm_2(x) - self.radius

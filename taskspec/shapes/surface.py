@@ -252,20 +252,22 @@ class BoundedSurface(Surface):
         """
 
     @property
-    @abstractmethod
     def half_sizes(self) -> Vector:
         """(3,) how far it reaches along its own axes [m]."""
+        points, radius = self.extremes()
+        return np.asarray(np.abs(points).max(axis=0) + radius)
 
-    @abstractmethod
     def support(self, n: ca.SX) -> ca.SX:
         """How far it reaches along a unit direction (3,), own axes [m]."""
+        points, radius = self.extremes()
+        return ca.mmax(ca.DM(points) @ n) + radius
 
-    @abstractmethod
-    def flat_along(self, n: ca.SX) -> ca.SX:
+    def flat_along(self, n: ca.SX) -> ca.SX:  # noqa: ARG002
         """(3,) how flat it is along its own axes where it is touched along n (3,): 1 flat, 0 round.
 
         None is flat along n.
         """
+        return ca.SX.zeros(3)
 
     @abstractmethod
     def extremes(self) -> tuple[Vector, float]:

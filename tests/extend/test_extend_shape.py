@@ -42,16 +42,6 @@ class Capsule(BoundedSurface):
     start_over = "the side of a capsule"
     resting_points = 2
 
-    @property
-    def half_sizes(self) -> NDArray[np.float64]:
-        return np.array([self.radius, self.radius, self.span / 2 + self.radius])
-
-    def support(self, n: ca.SX) -> ca.SX:
-        return self.radius + self.span / 2 * ca.fabs(n[2])
-
-    def flat_along(self, n: ca.SX) -> ca.SX:
-        return ca.vertcat(0, 0, 1 - n[2] ** 2)
-
     def height(self, x: ca.SX) -> ca.SX:
         beyond = x[2] - ca.fmax(-self.span / 2, ca.fmin(self.span / 2, x[2]))
         return ca.sqrt(x[0] ** 2 + x[1] ** 2 + beyond**2 + 1e-30) - self.radius
