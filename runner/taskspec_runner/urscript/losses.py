@@ -79,6 +79,12 @@ def _of_task(plan: TaskPlan) -> Iterator[tuple[KeyPath, str]]:
             FILE.control.rate,
             f"the controller's rate of {rates[0]}: the program runs at {rates[1]}",
         )
+    if not task.control.velocity.measured:
+        text = "how joint velocities are estimated: the robot's controller has its own"
+        yield FILE.control.velocity, text
+    if task.control.friction is not None:
+        text = "the compensation of friction in the joints: the robot's controller has its own"
+        yield FILE.control.friction, text
     yield from _of_law(FILE.law, task.law)
     if task.limits.torque_rate is not None:
         yield FILE.limits.torque_rate, "the limit on the rate of joint torques"
