@@ -22,7 +22,7 @@ bounds: $(READY)  ## 200 random presses under the PID regulator, and the bound o
 	$(BIN)/pytest tests/theory/test_theory_bound.py --random-presses=200
 
 energies: $(READY)  ## 200 random motions under PD, 200 presses and 200 stiffnesses that swing, and their energies
-	$(BIN)/pytest tests/theory/test_theory_energies.py --random-presses=200
+	$(BIN)/pytest tests/theory/test_theory_energies.py tests/theory/test_theory_tank.py --random-presses=200
 
 robust: $(READY)  ## 200 random arms, payloads, frictions and pushes under sliding terms, and the bound of their layers
 	$(BIN)/pytest tests/theory/test_theory_robust.py --random-presses=200
