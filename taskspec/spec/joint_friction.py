@@ -27,7 +27,8 @@ class FrictionCompensation(Model):
     short: ClassVar = Constant(NUMBER, above=0, most=1).json()
 
     share: Annotated[float, Constant(NUMBER, above=0, most=1)] = Field(
-        title="Share of the declared friction"
+        title="Share of the declared friction",
+        description="Of the friction and damping that 'robot' declares",
     )
     width: Annotated[float, Constant(ANGULAR_VELOCITY, above=0)] = Field(
         0.01, title="Speed of the reference at which most of it is reached"

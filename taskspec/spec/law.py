@@ -124,6 +124,7 @@ class StiffnessEstimate(Model):
 
     noun = "an estimate of the contact's stiffness"
     example = "estimate: {stiffness: 2..200 kN/m, memory: 200 ms}"
+    short: ClassVar = PositiveInterval(STIFFNESS).json()
 
     stiffness: Annotated[tuple[float, float], PositiveInterval(STIFFNESS)] = Field(
         title="Bounds of the stiffness"

@@ -133,7 +133,9 @@ def test_editors_are_offered_nothing_that_is_wrong() -> None:
     collect(SCHEMA)
     assert "60 N" in offered
     for example in offered:
-        assert isinstance(example, int | float) or re.search(r"\d.*[A-Za-z]", str(example)), example
+        assert isinstance(example, int | float) or re.search(r"\d.*[A-Za-z%]", str(example)), (
+            example
+        )
     assert SCHEMA["$defs"]["Robot"]["properties"]["model"]["anyOf"][0]["enum"] == [*builtin_names()]
     following = SCHEMA["$defs"]["Stage"]["properties"]["next"]["anyOf"][0]["anyOf"]
     assert following == [{"enum": ["end", "fail"]}, {"type": "string"}]
