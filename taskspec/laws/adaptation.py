@@ -85,10 +85,6 @@ class ArmTerms(Protocol):
         """(n,) C q' + g."""
 
     @property
-    def gravity(self) -> ca.SX:
-        """(n,) g."""
-
-    @property
     def R(self) -> ca.SX:  # noqa: N802
         """(3, 3) axes of the tip in the world."""
 
@@ -155,23 +151,6 @@ class Adaptation:
         """The payload that base parameters (4,) stand for, its centre within reach."""
         centre = theta[1:] / ca.fmax(theta[0], _LIGHT)
         return PointLoad(theta[0], ca.fmin(ca.fmax(centre, -self.reach), self.reach))
-
-    def carried(self, terms: ArmTerms, load: PointLoad) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """H (n, n), C q' + g (n,) and g (n,) of an arm that carries a point.
-
-        With J_c, J_c' q' of its centre: H + m J_c^T J_c, C q' + g + m J_c^T (J_c' q' - g_0) and
-        g - m J_c^T g_0.
-        """
-        lever, turning = terms.R @ load.centre, terms.twist[3:]
-        J = terms.J[:3, :] - ca.skew(lever) @ terms.J[3:, :]
-        weight = -load.mass * (J.T @ ca.DM(self.gravity))
-        if not self.inertia:
-            return terms.H, terms.bias + weight, terms.gravity + weight
-        drift = terms.drift[:3] + ca.cross(terms.drift[3:], lever)
-        drift += ca.cross(turning, ca.cross(turning, lever))
-        turned = load.mass * J.T
-        bias = terms.bias + turned @ drift + weight
-        return terms.H + turned @ J, bias, terms.gravity + weight
 
     @staticmethod
     def weight(load: PointLoad, down: ca.SX) -> ca.SX:
@@ -263,11 +242,11 @@ class Adaptation:
         step = np.zeros((size, size))
         for i in range(size):
             state = np.eye(size)[i]
-            theta, filtered, seen, line = state[0], state[1], state[2], [*state[3:]]
-            seen = pole * seen + (1 - pole) * theta
-            line.append(seen)
+            theta, filtered, reading, line = state[0], state[1], state[2], [*state[3:]]
+            reading = pole * reading + (1 - pole) * theta
+            line.append(reading)
             filtered += passed * (theta - line[0] - filtered)
-            step[:, i] = [theta + share * (filtered - theta), filtered, seen, *line[1:]]
+            step[:, i] = [theta + share * (filtered - theta), filtered, reading, *line[1:]]
         return float(np.max(np.abs(np.linalg.eigvals(step))))
 
 

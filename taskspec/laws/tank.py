@@ -53,7 +53,7 @@ _LOW = 0.05
 #: Less is nothing [J, W].
 _NOTHING = 1e-300
 
-#: What a tick of it gives, in this order; see `Tank.outputs`.
+#: What a tick of it gives, in this order; see `TankStep.outputs`.
 OUTPUTS = ("energy", "power", "filled", "spring", "share", "refused", "stretched")
 #: Slots of the memory.
 ENERGY, STATE, SHARE = "tank.energy", "tank.state", "tank.share"
@@ -162,13 +162,15 @@ class EnergyTank:
         # u_a' = s u_a does s (b + c s) over the next period: without it, the arm would go on as it
         # did without the last one.
         pushed = linear.forward(case.state.H_factor, active)
-        asked = ca.dot(active, v + runs * (v - v_before) / 2) - h * ca.dot(pushed, before_it) / 2
+        requested = (
+            ca.dot(active, v + runs * (v - v_before) / 2) - h * ca.dot(pushed, before_it) / 2
+        )
         own, free = h * ca.sumsqr(pushed) / 2, ca.fmax(energy, 0)
         share = ca.fmin(1, free / (_LOW * self.capacity))
-        share = ca.fmin(share, _within(free / _CLOSING, asked, own))
+        share = ca.fmin(share, _within(free / _CLOSING, requested, own))
         if math.isfinite(self.power):
             pulled = runs * ca.fmax(held_before * U - left - given, 0) / h
-            share = ca.fmin(share, _within(ca.SX(self.power), asked + pulled, own))
+            share = ca.fmin(share, _within(ca.SX(self.power), requested + pulled, own))
         return TankStep(
             torque=gravity + held * spring + damper + share * active,
             outputs=ca.vertcat(
@@ -180,7 +182,7 @@ class EnergyTank:
                 _SPRING: granted,
                 _HELD: held,
                 SHARE: share,
-                _GIVEN: h * share * (asked + own * share),
+                _GIVEN: h * share * (requested + own * share),
                 _PUSHED: share * pushed,
                 _VELOCITY: v,
                 _GRAVITY: gravity,
@@ -211,10 +213,10 @@ class EnergyTank:
         return math.sqrt(self.power / damping)
 
 
-def _within(power: ca.SX, asked: ca.SX, own: ca.SX) -> ca.SX:
-    """The greatest s with s (asked + own s) <= power, of an own power that is not negative [W]."""
-    root = ca.sqrt(asked**2 + 4 * own * power)
-    return 2 * power / ca.fmax(asked + root, _NOTHING)
+def _within(power: ca.SX, requested: ca.SX, own: ca.SX) -> ca.SX:
+    """The greatest s with s (requested + own s) <= power, own not negative [W]."""
+    root = ca.sqrt(requested**2 + 4 * own * power)
+    return 2 * power / ca.fmax(requested + root, _NOTHING)
 
 
 def _damper(case: Case, law: ControlLaw) -> ca.SX:

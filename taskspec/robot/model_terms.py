@@ -197,19 +197,35 @@ class TermSymbols:
         return (packed, *(ca.densify(part) for part in parts))
 
 
-def loaded(terms: TermSymbols, mass: ca.SX) -> TermSymbols:
-    """The model terms of an arm that carries a point mass [kg] at its tip.
+def loaded(
+    terms: TermSymbols, mass: ca.SX, centre: ca.SX | None = None, *, moves: bool = True
+) -> TermSymbols:
+    """The model terms of an arm that carries a point at its tip, or fixed to it.
 
-    With the linear part J_p of the tip's Jacobian, and gravity g,
+    With the Jacobian J_c of the point's velocity, its J_c' q', and gravity g,
 
-        H + m J_p^T J_p,    C q' + g + m J_p^T (J_p' q' - g),    g - m J_p^T g.
+        H + m J_c^T J_c,    C q' + g + m J_c^T (J_c' q' - g),    g - m J_c^T g.
+
+    Args:
+        terms: of the arm without it.
+        mass: m [kg].
+        centre: (3,) the point, from the tip along its axes [m]; None for the tip itself.
+        moves: whether the mass is accelerated with the arm, or its weight alone counts.
     """
-    J, g = terms.J[:3, :], ca.DM([float(x) for x in GRAVITY])
+    J, drift, g = terms.J[:3, :], terms.drift[:3], ca.DM([float(x) for x in GRAVITY])
+    if centre is not None:
+        lever, turning = terms.R @ centre, terms.twist[3:]
+        J = J - ca.skew(lever) @ terms.J[3:, :]
+        drift = drift + ca.cross(terms.drift[3:], lever)
+        drift += ca.cross(turning, ca.cross(turning, lever))
+    gravity = terms.gravity - mass * (J.T @ g)
+    if not moves:
+        return replace(terms, bias=terms.bias - mass * (J.T @ g), gravity=gravity)
     return replace(
         terms,
         H=terms.H + mass * (J.T @ J),
-        bias=terms.bias + mass * (J.T @ (terms.drift[:3] - g)),
-        gravity=terms.gravity - mass * (J.T @ g),
+        bias=terms.bias + mass * (J.T @ (drift - g)),
+        gravity=gravity,
     )
 
 

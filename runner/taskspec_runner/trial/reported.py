@@ -400,7 +400,7 @@ def _slips(trial: Trial) -> Iterator[Finding]:
         return
     columns = trial.history.columns
     force, slip, command = (columns[f"grip.{name}"] for name in ("force", "slip", "command"))
-    told: set[str] = set()
+    reported_of: set[str] = set()
     for visit in trial.history.visits():
         ticks = slice(visit.first, visit.last + 1)
         closed = command[ticks] > 0
@@ -408,9 +408,9 @@ def _slips(trial: Trial) -> Iterator[Finding]:
         slid = float(_spread(slip[ticks][1:][closed[1:]]))
         held = np.flatnonzero((force[ticks] > 0) & closed)
         lost = held.size > 0 and closed[-1] and force[ticks][-1] == 0
-        if visit.stage in told or not (lost or slid > _SLIDES):
+        if visit.stage in reported_of or not (lost or slid > _SLIDES):
             continue
-        told.add(visit.stage)
+        reported_of.add(visit.stage)
         place = key_of(FILE.stages[visit.stage])
         hint = "press harder, move more gently, or answer it: fail_if: grip.slip > 1 mm"
         if lost:

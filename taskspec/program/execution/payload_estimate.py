@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +10,7 @@ from taskspec.geometry.axis import AXES
 from taskspec.laws.adaptation import PARAMETERS, Adaptation
 from taskspec.program.bound import Wiring
 from taskspec.robot import RobotModel
-from taskspec.robot.model_terms import ModelTerms, symbols
+from taskspec.robot.model_terms import ModelTerms, loaded, symbols
 from taskspec.robot.rebuild import GRAVITY
 from taskspec.spec import Task
 
@@ -73,7 +71,7 @@ class PayloadEstimate:
         memory = wiring.reads("memory", self.memory)
         theta, fresh = memory[:KEPT], memory[KEPT]
         load = adaptation.model(theta)
-        carried = adaptation.carried(nominal, load)
+        carried = loaded(nominal, load.mass, load.centre, moves=adaptation.inertia).vectors()
         acceleration = fresh * (v - memory[KEPT + 1 : KEPT + 1 + n]) / adaptation.period
         contact = wrench if touches else ca.SX.zeros(6)
         y, A = adaptation.regression(nominal, rows, acceleration, torque, contact)
@@ -81,11 +79,8 @@ class PayloadEstimate:
         after = before + fresh * adaptation.passed * (ca.vertcat(y, ca.vec(A)) - before)
         filtered = ca.reshape(after[len(rows) :], len(rows), len(PARAMETERS))
         stepped = adaptation.step(theta, after[: len(rows)], filtered, rows)
-        packed = ca.densify(carried[0])[_upper(n)]
         made = [
-            (packed, self.loaded[0]),
-            (carried[1], self.loaded[1]),
-            (carried[2], self.loaded[2]),
+            *zip(carried[:3], self.loaded, strict=True),
             (ca.vertcat(load.mass, load.centre), known),
             (ca.vertcat(stepped, 1, v, after), self.kept),
         ]
@@ -103,8 +98,8 @@ class PayloadEstimate:
     def carry(self) -> None:
         """Puts the payload on the model terms, as they were last evaluated without it."""
         self.function.evaluate()
-        for array, loaded in zip(self._terms, self.loaded, strict=True):
-            array[:] = loaded
+        for array, carried in zip(self._terms, self.loaded, strict=True):
+            array[:] = carried
 
     def commit(self, *, adapts: bool) -> None:
         """Makes the tick one that happened, in a stage that adapts or does not."""
@@ -116,11 +111,6 @@ class PayloadEstimate:
     def forget(self) -> None:
         """Begins to measure anew, with the estimate as it is."""
         self.memory[KEPT:] = 0.0
-
-
-def _upper(n: int) -> Sequence[int]:
-    """Indices of the upper triangle of an (n, n), column after column."""
-    return [j * n + i for j in range(n) for i in range(j + 1)]
 
 
 def adaptation(task: Task, period: float) -> Adaptation | None:

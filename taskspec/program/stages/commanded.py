@@ -186,7 +186,7 @@ def _observed(
     """What a stage with a disturbance observer commands, with what that remembers."""
     context, t, observer = plan.context, measurement.clock.t, plan.law.disturbance_observer
     assert observer is not None
-    seen = observe(
+    observed = observe(
         case,
         pole(observer.bandwidth, context.period),
         ca.DM(most(observer.torque, context.robot.torque_limit)),
@@ -194,9 +194,9 @@ def _observed(
         begins=t <= 0,
     )
     measurement.memory.add(TORQUE, context.robot.n)
-    measurement.table.situation.disturbance = seen.estimate
-    torque = torque + seen.torque
-    memory = {**wanted.memory, **seen.memory, TORQUE: torque}
+    measurement.table.situation.disturbance = observed.estimate
+    torque = torque + observed.torque
+    memory = {**wanted.memory, **observed.memory, TORQUE: torque}
     return replace(wanted, memory=memory), torque
 
 
