@@ -31,7 +31,7 @@ truth: {{robot.payload: {{mass: {mass:.4g} kg, xyz: [{x:.3g} mm, {y:.3g} mm, {c:
 
 def test_no_estimate_goes_away_from_the_truth(simulate, request, prediction):
     """V = 1/2 |theta - theta*|^2, with first moments over l, never rises, and falls."""
-    count = max(request.config.getoption("random_presses") // 5, 2)
+    count = request.config.getoption("random_presses")
     rng, falling, bounded, near = np.random.default_rng(48033), 0, 0, []
     for _ in range(count):
         facts = {
