@@ -140,8 +140,14 @@ class Exported:
     def library(self) -> ControllerLibrary:
         """A new instance."""
         context = self.program.context
-        joints, equations = context.robot.n, len(context.equations)
-        return ControllerLibrary(self.path, self.controller, joints, equations)
+        task = context.loaded.task
+        return ControllerLibrary(
+            self.path,
+            self.controller,
+            context.robot.n,
+            len(task.reported),
+            grips=bool(task.gripped),
+        )
 
     def run(self, world: World, path: Path, samples: list[Array] | None = None) -> Ran:
         """A run by the C; the samples of its ticks are added to `samples`."""
@@ -173,6 +179,8 @@ class Exported:
                     samples.append(library.sample.copy())
                 state = library.state
                 machine.torque[:], kept[:] = library.command, outputs
+                if machine.grip.used:
+                    np.asarray(machine.grip.command)[:] = library.grip
                 to[t], to[stage] = now[0], library.stage
                 # The tick that breaks a limit belongs to the log.
                 if state == RUNNING or state in (STOPPED, UNKNOWN, UNANSWERED):
@@ -227,7 +235,8 @@ def replayed(made: Exported, samples: Array) -> bytes:
         if i == 0:
             library.answer(sample[-1], first=True)
         library.answer(sample[-1])
-        found.append(np.append(library.command, [library.state, library.stage]))
+        answer = (library.command, library.grip, [library.state, library.stage])
+        found.append(np.concatenate(answer))
     return np.array(found).tobytes()
 
 
