@@ -18,6 +18,7 @@ import argparse
 import hashlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -213,6 +214,11 @@ def build(command: Sequence[str], out: Path) -> None:
     subprocess.run([*command, "-o", str(out), "-lm"], check=True)
 
 
+def possible() -> list[tuple[str, Sequence[str]]]:
+    """The builds whose compiler is on this computer."""
+    return [(name, by) for name, by in BUILDS.items() if shutil.which(by[0])]
+
+
 def around(made: Exported, source: Path) -> tuple[str, ...]:
     """Arguments of a compiler for a program around an exported controller."""
     defined = (f"-DNAME={made.controller.name}", f'-DHEADER="{made.header.name}"')
@@ -302,7 +308,7 @@ def row(task: str, ticks: int, folder: Path) -> Row:
             break
     given = np.array(samples)
     answers = replayed(made, given)
-    builds = [name for name, by in BUILDS.items() if answered(made, given, by) != answers]
+    builds = [name for name, by in possible() if answered(made, given, by) != answers]
     times = timed(made, given)
     measured = (made.bytes, made.code, made.seconds, builds, times)
     return Row(task, total, count, differ, dict(ended), *measured)
@@ -338,6 +344,8 @@ def main() -> int:
     given = parser.parse_args()
     shipped = sorted(path.stem for path in (ROOT / "tasks").glob("*.yaml"))
     given.rows.parent.mkdir(parents=True, exist_ok=True)
+    for name in BUILDS.keys() - dict(possible()).keys():
+        say(f"{BUILDS[name][0]} is not installed: the build by {name} is left out")
     done = kept(given.rows)
     for task in given.shipped or [task for task in shipped if task not in done]:
         with tempfile.TemporaryDirectory() as folder:

@@ -52,7 +52,10 @@ class Controller:
         self.fmu.instantiate()
 
     def answer(self, sample, start):
-        """(n,) commands, last of a gripper where there is one, for positions, velocities, wrench and reactions, one after the other."""
+        """(n,) commands for positions, velocities, wrench and reactions, one after the other.
+
+        The last one is of the gripper where there is one.
+        """
         if start:
             self.fmu.enterInitializationMode(startTime=0.0)
         self.fmu.setFloat64(self.inputs, sample)
