@@ -15,8 +15,8 @@ demo: $(READY)  ## run the wiping task and say where its report is
 test: $(READY)  ## run all tests
 	$(BIN)/pytest -n 2
 
-theory: $(READY)  ## hold the laws against their theorems, print the table, keep it in docs/theory.md
-	$(BIN)/pytest tests/theory --theory-table=docs/theory.md
+theory: $(READY)  ## hold the laws against their theorems, 200 random files of each; docs/theory.md
+	$(BIN)/pytest tests/theory --random-presses=200 --theory-table=docs/theory.md
 
 bounds: $(READY)  ## 200 random presses under the PID regulator, and the bound of Theorem 4.1 on each
 	$(BIN)/pytest tests/theory/test_theory_bound.py --random-presses=200
