@@ -378,8 +378,8 @@ def _energies(run: Run) -> Iterator[Chart | None]:
         power = [Drawn("tank.power", "j3", "out of it", continuous=True)]
         chart = of_signals(run, "tank power", "Power out of the energy tank", power)
         if chart is not None:
-            most = law_levels(run, "tank.power", chart.factor, "most that leaves it")
-            chart = replace(chart, levels=most)
+            bounds = law_levels(run, "tank.power", chart.factor, "most that leaves it")
+            chart = replace(chart, levels=bounds)
         yield chart
 
 
