@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,9 @@ from taskspec.program.velocity_estimate import VelocityEstimate
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE, KeyPath
 from taskspec.spec.joint_velocity import DIFFERENCES
+from taskspec.stability.hunting import gained
 from taskspec.stability.loop import UnfitError
-from taskspec.stability.margin import grows
-from taskspec.stability.sampled_stage import SampledStage, analyse, loop_of
+from taskspec.stability.sampled_stage import SampledStage, loop_of
 from taskspec.text.units import TIME, number, scaled, show
 
 Vector = NDArray[np.float64]
@@ -180,7 +180,7 @@ def over_compensated(task: TaskPlan) -> Iterator[Finding]:
     """Stages that may hunt, as they push harder against friction than friction does.
 
     Where it takes at least what is compensated, both together take energy. Else what is added is a
-    spring about the reference: a stage whose sampled loop does not bear that may hunt.
+    spring about the reference, of which a swing may gain more than the friction takes.
     """
     friction, declared = task.context.friction, task.context.loaded.task.control.friction
     if friction is None or declared is None or not task.context.loaded.task.robot.takes_torques:
@@ -192,15 +192,17 @@ def over_compensated(task: TaskPlan) -> Iterator[Finding]:
         return
     for name in task.stages:
         sampled = _loop(task, name)
-        if sampled is None or not _grows(sampled):
+        gain = 0.0 if sampled is None else _gain(sampled, friction, least)
+        if not gain > 1:
             continue
         unit = "N*m" if task.context.robot.hinges[i] else "N"
+        gains = f"up to {number(gain, 2)} times what friction takes of it"
         yield warning(
             "TS518",
             f"joint {i + 1} gets {show(friction.coulomb[i], unit, 3)} against a friction of which "
-            f"there may be {show(float(least[i]), unit, 3)}: what is too much acts as a spring of "
-            f"{_spring(friction, i)} about the reference, with which stage {name!r} is not stable "
-            "as it is sampled: it may hunt",
+            f"there may be {show(float(least[i]), unit, 3)}: in stage {name!r} a swing gains "
+            f"{gains if math.isfinite(gain) else 'energy, and no friction takes any of it'} "
+            "in each period, and may go on (hunt)",
             place,
             "compensate a smaller share, or widen its sign: control: {friction: {share: "
             f"{100 * declared.share:.0f} %, "
@@ -209,19 +211,12 @@ def over_compensated(task: TaskPlan) -> Iterator[Finding]:
         return
 
 
-def _spring(friction: Compensation, joint: int) -> str:
-    return show(friction.stiffness(joint), "N*m/rad", 3)
-
-
-def _grows(sampled: SampledStage) -> bool:
-    """Whether a stage is not stable with the compensation's own stiffness."""
-    compensated = sampled.stage.compensated
-    assert compensated is not None
-    other = analyse(replace(sampled.stage, closed_form=compensated))
+def _gain(sampled: SampledStage, friction: Compensation, least: Vector) -> float:
+    """As `gained`, 0 of a loop that cannot be looked at."""
     try:
-        return other is not None and any(grows(mode) for mode in other.modes())
+        return gained(sampled, friction, least)
     except UnfitError:
-        return False
+        return 0.0
 
 
 def _least_friction(task: TaskPlan) -> tuple[Vector, KeyPath]:

@@ -106,8 +106,9 @@ def gantry_file(rng, folder, number):
     return text, own, stiffness, true
 
 
+@pytest.mark.usefixtures("rigid")
 def test_no_random_joint_rests_further_from_its_reference(
-    simulate, request, prediction, tmp_path, monkeypatch, rigid
+    simulate, request, prediction, tmp_path, monkeypatch
 ):
     """|e| <= the root of kappa e + share tau_c s(e / (w T_f)) = tau."""
     count, rng = drawn(request), np.random.default_rng(48151)
@@ -149,7 +150,7 @@ def rubbing_file(rng):
         f"back: {{axes: {{{moves()}}}, time: 0.5 s}}", contact=None,
         more=f"joint_friction: {declared:.9g} N*m", rest=f"control: {{{control}}}\n",
     )  # fmt: skip
-    return f"{text}truth: {{robot.joint_friction: {true:.9g} N*m}}\n", share * declared, true
+    return f"{text}truth: {{robot.joint_friction: {true:.9g} N*m}}\n"
 
 
 def rubbed(made, q, v):
@@ -161,15 +162,13 @@ def rubbed(made, q, v):
     return np.array(found)
 
 
-def test_no_random_compensation_gives_energy_with_the_friction(
-    simulate, request, prediction, rigid
-):
+@pytest.mark.usefixtures("rigid")
+def test_no_random_compensation_gives_energy_with_the_friction(simulate, request, prediction):
     """Int q'.(u_f + friction) dt, all joints, from any instant on: never above nothing."""
     count, rng = drawn(request), np.random.default_rng(48152)
     kept = 0
     for _ in range(count):
-        text, compensated, true = rubbing_file(rng)
-        made = simulate(text)
+        made = simulate(rubbing_file(rng))
         q, v, u = (
             joints(made, "position"),
             joints(made, "velocity"),
@@ -204,9 +203,8 @@ def held_file(rng):
     return text, VelocityEstimate(np.exp(-2 * np.pi * corner * T), T, modelled=True)
 
 
-def test_random_pulls_under_an_observer_are_those_of_the_closed_form(
-    simulate, request, prediction, rigid
-):
+@pytest.mark.usefixtures("rigid")
+def test_random_pulls_under_an_observer_are_those_of_the_closed_form(simulate, request, prediction):
     """Of a pull p on joints that friction holds (1 + c D H^-1)^-1 p is left, c as the page has it.
 
     In the norm of H^-1 that is at least p / (1 + c d/h), d/h the largest eigenvalue of D H^-1.
