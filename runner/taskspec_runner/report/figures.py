@@ -31,6 +31,7 @@ from taskspec_runner.report.rest_levels import rest_levels
 from taskspec_runner.report.selection import selected
 from taskspec_runner.report.settling import settlings
 from taskspec_runner.runs import Run
+from taskspec_runner.verdict import velocity
 from taskspec_runner.verdict.energy import MOST
 from taskspec_runner.verdict.metrics import set_points
 
@@ -42,6 +43,7 @@ _GAP = ".gap"
 _SEEN = 1e-3
 #: Deviations below are rounding [m].
 _ROUNDING = 1e-9
+_FRICTION = "torque.friction"
 
 
 def sections(run: Run) -> tuple[Section, ...]:
@@ -74,6 +76,9 @@ def sections(run: Run) -> tuple[Section, ...]:
         motion.add(chart)
     arm.add(_joint_commands(run))
     arm.add(_joint_torques(run))
+    arm.add(_compensated(run))
+    for chart in _estimated_velocities(run):
+        arm.add(chart)
     arm.add(_joints(run, "disturbance", (), "", ""))
     arm.add(_joint_positions(run))
     arm.add(_power(run))
@@ -400,6 +405,44 @@ def _joint_torques(run: Run) -> Chart | None:
     of = "Joint torques" if commanded(run.columns) == TORQUE else "Torques that the servo exerts"
     bounds = _limits(run, "joint_limits")
     return _joints(run, "torque", bounds, f"{of}, share of their limits", _HIGHEST)
+
+
+def _compensated(run: Run) -> Chart | None:
+    """What of the joint torques is there against friction."""
+    lines = [Drawn(n, f"j{i % 7}", f"J{i + 1}") for i, n in enumerate(_of_joints(run, _FRICTION))]
+    note = "part of the joint torques above"
+    title = "Compensated friction of the joints"
+    return of_signals(run, "compensated friction", title, lines, note, always=(0.0,))
+
+
+def _estimated_velocities(run: Run) -> Iterator[Chart | None]:
+    """Velocities that the controller has estimated: over the true ones, and what they lack."""
+    names = _of_joints(run, "velocity.measured")
+    pairs = [(n, n.removesuffix(".measured")) for n in names]
+    pairs = [(own, true) for own, true in pairs if run.column(true) is not None]
+    if "velocity" not in run.summary or not pairs:
+        return
+    lines = [Drawn(own, f"j{i % 7}", "estimated", "faint") for i, (own, _) in enumerate(pairs)]
+    lines += [Drawn(true, f"j{i % 7}", f"J{i + 1}") for i, (_, true) in enumerate(pairs)]
+    title, note = "Joint velocities, and their estimates", "pale: as the controller has them"
+    yield of_signals(run, "estimated velocities", title, lines, note, always=(0.0,))
+    errors = [run.columns[own] - run.columns[true] for own, true in pairs]
+    factor, unit = scale(run.units[pairs[0][1]], size(errors))
+    traces = tuple(
+        Trace(f"J{i + 1}", error * factor, f"j{i % 7}") for i, error in enumerate(errors)
+    )
+    said = "; ".join(velocity.sentences(run.summary))
+    yield Chart(
+        "velocity errors", "Estimated minus true joint velocities", unit, traces, said,
+        always=(0.0,), factor=factor,
+    )  # fmt: skip
+
+
+def _of_joints(run: Run, kind: str) -> list[str]:
+    """The columns of a signal of joints that have a value, in one unit."""
+    names = [n for n in run.columns if n.startswith("joint.") and n.endswith(f".{kind}")]
+    names = [n for n in names if run.column(n) is not None]
+    return [n for n in names if run.units[n] == run.units[names[0]]]
 
 
 def _joint_commands(run: Run) -> Chart | None:

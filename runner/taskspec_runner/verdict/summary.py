@@ -38,6 +38,7 @@ from taskspec_runner.verdict.performance import performance
 from taskspec_runner.verdict.protected import protected
 from taskspec_runner.verdict.run_finding import RunFinding
 from taskspec_runner.verdict.torque_steps import largest_change, largest_step
+from taskspec_runner.verdict.velocity import velocity_block
 
 _JOINT = re.compile(r"\bjoint (\d+) ")
 _OF_TRAVEL, _ATTEMPTS = " of travel", "; stage "
@@ -143,6 +144,7 @@ def summarise(
         **drift(program, history),
         **payload_block(program, history),
         **estimated(program, history),
+        **velocity_block(program, history),
         **energy_block(program, history, world.task),
         **performance(program, history, judged, simulated.solver_counts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},
