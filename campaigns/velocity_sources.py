@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from taskspec.rules.output_feedback import torque_noise
 from taskspec.spec import load_text
 from taskspec_runner import Run, run
 
@@ -30,7 +31,7 @@ OBSERVER, FRICTION = "{observer: 30 Hz}", "control: {friction: 80 %}\n"
 CORNERS = (10, 20, 30, 50, 70, 100)
 SOURCES = ("differences", *(f"{{filter: {f} Hz}}" for f in CORNERS), "{observer: 20 Hz}", OBSERVER)
 HEADS = {
-    "velocity": ("`velocity`", "ends", "velocities off by", "torques change by",
+    "velocity": ("`velocity`", "ends", "velocities off by", "torques off by, at most",
                  "force in `wipe`", "error along y", "met"),
     "friction": ("`friction`", "error in `right`, y", "error at the end of `up`, x",
                  "of `left`, y", "met"),
@@ -76,7 +77,8 @@ def of_source(source: str) -> tuple[str, ...]:
             reason = found.summary["ending"]["reason"]
             ends = f"limit on {reason} in `{found.visits[-1].stage}`"
         off = np.abs(joints(found, "velocity.measured") - joints(found, "velocity")).max()
-        jumps = np.abs(np.diff(joints(found, "torque"), axis=0)).max()
+        noise = torque_noise(found.program.plan)
+        assert noise is not None
         force, error = during(found, "wipe", "force.z"), during(found, "wipe", "error.y")
         shown = ("–", "–", "–")
         if not stopped:
@@ -85,7 +87,13 @@ def of_source(source: str) -> tuple[str, ...]:
                 f"{1000 * np.abs(error).max():.2f} mm",
                 met(found),
             )
-        return f"`{source}`", ends, f"{1000 * off:.0f} mrad/s", f"{jumps:.1f} N·m", *shown
+        return (
+            f"`{source}`",
+            ends,
+            f"{1000 * off:.0f} mrad/s",
+            f"{100 * noise.share:.0f} % of the motor",
+            *shown,
+        )
 
 
 def of_friction(name: str, new: str) -> tuple[str, ...]:

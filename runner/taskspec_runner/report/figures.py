@@ -422,9 +422,15 @@ def _estimated_velocities(run: Run) -> Iterator[Chart | None]:
     pairs = [(own, true) for own, true in pairs if run.column(true) is not None]
     if "velocity" not in run.summary or not pairs:
         return
-    lines = [Drawn(own, f"j{i % 7}", "estimated", "faint") for i, (own, _) in enumerate(pairs)]
+    lines = [
+        Drawn(own, f"j{i % 7}", "estimated", "halo", reference_of=f"J{i + 1}")
+        for i, (own, _) in enumerate(pairs)
+    ]
     lines += [Drawn(true, f"j{i % 7}", f"J{i + 1}") for i, (_, true) in enumerate(pairs)]
-    title, note = "Joint velocities, and their estimates", "pale: as the controller has them"
+    title, note = (
+        "Joint velocities, and their estimates",
+        "wide and pale: as the controller has them",
+    )
     yield of_signals(run, "estimated velocities", title, lines, note, always=(0.0,))
     errors = [run.columns[own] - run.columns[true] for own, true in pairs]
     factor, unit = scale(run.units[pairs[0][1]], size(errors))
