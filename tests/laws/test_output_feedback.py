@@ -148,6 +148,12 @@ def test_closed_forms_are_those_of_the_recursion(source) -> None:
     push = np.array([(1 - e.position) * T**2 / 2, (1 - e.rate / 2) * T])
     lag = np.linalg.solve(np.eye(2) - error, push)[1]
     assert e.of_acceleration == pytest.approx(lag, rel=1e-9)
+    # No response to an acceleration changes its sign: what it comes to in the end is the most.
+    k, x = [], push
+    for _ in range(2000):
+        k.append(x[1])
+        x = error @ x
+    assert np.abs(k).sum() == pytest.approx(e.of_acceleration, rel=1e-9)
     z = np.exp(-2 * np.pi * {"differences": np.inf, "filter": 50, "observer": 40}[source] * T)
     wanted = sorted([z, z] if source == "observer" else [0, z])
     np.testing.assert_allclose(sorted(np.linalg.eigvals(error).real), wanted, atol=1e-7)
