@@ -38,10 +38,12 @@ Directions that it shows fall exponentially while the Gramian, the mean of A_f^T
 window, has an eigenvalue lambda > 0 there: as exp(-lambda w t). At rest that is 1 for the mass and
 for moments across gravity, and 0 for that along it, which no weight shows. So at rest
 
-    |m - m*| <= z / |g| + (|m_0 - m*| - z / |g|) exp(-w tau(t)),
+    |m - m*| <= z / |g| + (|m_0 - m*| - (1 - c) z / |g|) exp(-w tau(t)),
     tau(t) = t - 2 (1 - exp(-F w t)) / (F w) + (1 - exp(-2 F w t)) / (2 F w),
 
-with the dead zone z and the filter's corner at F w: its start costs 1.5 / (F w).
+with the dead zone z and the filter's corner at F w. Its start a = 1 - exp(-F w t) costs 1.5 / (F w)
+of time, tau being the integral of a^2. It shrinks the error before the dead zone, too, which is
+z / a then: c = F / ((F - 1) (2 F - 1)) is the integral of w (a - a^2) exp(w t).
 """
 
 from __future__ import annotations
@@ -63,6 +65,8 @@ Matrix = NDArray[np.float64]
 PARAMETERS = ("mass", "x", "y", "z")
 #: Corner of the low-pass over the bandwidth of the estimate.
 FILTER = 5.0
+#: Of the dead zone's mass, what the start of the low-pass leaves for longer.
+_FIRST = FILTER / ((FILTER - 1) * (2 * FILTER - 1))
 #: The length l: moments over it count as forces, first moments over it as masses [m].
 LEVER = 0.1
 #: A mobility [1/kg, 1/(kg m^2)] that is small beside that of an arm which is not singular.
@@ -210,8 +214,9 @@ class Adaptation:
 
     def bound(self, t: Matrix, error: float) -> Matrix:
         """(k,) bound of an error of the mass at rest [kg], t [s] after it was `error`."""
-        left = self.dead_zone / self.g
-        return np.asarray(left + max(abs(error) - left, 0.0) * np.exp(-self.w * self.elapsed(t)))
+        left, begun = self.dead_zone / self.g, max(abs(error), self.dead_zone / self.g)
+        falling = (begun - (1 - _FIRST) * left) * np.exp(-self.w * self.elapsed(t))
+        return np.minimum(begun, left + falling)
 
     def time_to(self, error: float, start: float) -> float:
         """Time in which an error of the mass [kg] at rest falls to another [s]; inf for never."""
@@ -220,7 +225,8 @@ class Adaptation:
             return 0.0
         if error <= left:
             return math.inf
-        return (math.log((abs(start) - left) / (error - left)) + 1.5 / FILTER) / self.w
+        begun = abs(start) - (1 - _FIRST) * left
+        return (math.log(begun / (error - left)) + 1.5 / FILTER) / self.w
 
     def growth(self, delay: int, pole: float) -> float:
         """Spectral radius of the sampled estimate on a stiff contact whose force comes late.

@@ -43,6 +43,8 @@ _SUMS = 10
 DECIDED = 0.25
 #: Knots of a design in a decade of stiffness; between them its gains are lines of logarithms.
 _KNOTS = 8
+#: By which share of themselves two knots differ at least.
+_APART = 1e-3
 #: Slopes of two such lines that differ by less are one.
 _ALIKE = 1e-6
 #: Readings of a force that swings after which its stiffness is found, measured in random presses.
@@ -226,10 +228,20 @@ class Schedule:
 
 
 def knots(low: float, high: float, also: Sequence[float] = ()) -> tuple[float, ...]:
-    """The stiffnesses that a design is made for, both bounds among them [N/m]."""
+    """The stiffnesses that a design is made for, both bounds among them [N/m].
+
+    Args:
+        low, high: the bounds.
+        also: further ones; what lies beyond the bounds is left out.
+    """
     count = max(2, math.ceil(_KNOTS * math.log10(high / low)) + 1)
     between = np.geomspace(low, high, count)[1:-1].tolist()
-    return tuple(sorted({low, high, *between, *(k for k in also if low < k < high)}))
+    found = [low, high]
+    # Two that lie side by side would have a line between them whose slope is rounding.
+    for k in (*(each for each in also if low < each < high), *between):
+        if not any(math.isclose(k, other, rel_tol=_APART) for other in found):
+            found.append(k)
+    return tuple(sorted(found))
 
 
 def schedules(

@@ -331,6 +331,7 @@ def test_what_cannot_be_exported_is_said(tmp_path, monkeypatch) -> None:
     for arguments, text in (
         ([task, "--c", "file"], "file cannot be written to: it is a file"),
         ([task, "--c", "c", "--csv"], "--csv is of the log of a run"),
+        ([task, "--c", "c", "--fmi", "2"], "it is of an FMU; name one: --fmu PATH"),
         ([task, "out.csv", "--c", "c"], "out.csv is of the log of a run"),
         ([".", "--c", "c"], "--c takes a task file, and . is a folder"),
         ([".", "--csv", "--set", "a=1"], "--set is of a task file"),

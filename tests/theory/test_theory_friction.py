@@ -1,8 +1,4 @@
-"""Compensated friction held against runs: no energy, how far joints rest, what an observer adds.
-
-`make feedback` has 200 random files of each; the suite has a twentieth of its other random presses,
-and two at least.
-"""
+"""Compensated friction held against runs: no energy, how far joints rest, what an observer adds."""
 
 from __future__ import annotations
 
@@ -66,11 +62,6 @@ def rigid(monkeypatch):
     monkeypatch.setattr(scene, "weigh", and_stiffen)
 
 
-def drawn(request, share=20):
-    """How many random files a test of this module takes of the option's number."""
-    return max(request.config.getoption("random_presses") // share, 2)
-
-
 def joints(made, what):
     """(ticks, n) of a signal of all joints."""
     n = made.program.context.robot.n
@@ -108,10 +99,10 @@ def gantry_file(rng, folder, number):
 
 @pytest.mark.usefixtures("rigid")
 def test_no_random_joint_rests_further_from_its_reference(
-    simulate, request, prediction, tmp_path, monkeypatch
+    simulate, random_files, prediction, tmp_path, monkeypatch
 ):
     """|e| <= the root of kappa e + share tau_c s(e / (w T_f)) = tau."""
-    count, rng = drawn(request), np.random.default_rng(48151)
+    count, rng = random_files, np.random.default_rng(48151)
     monkeypatch.chdir(tmp_path)
     kept, near = 0, []
     for number in range(count):
@@ -125,8 +116,8 @@ def test_no_random_joint_rests_further_from_its_reference(
         near.append(share.max())
     assert max(near) > 0.3
     prediction(
-        "share of files in which joints rest within the root", "κ e + share τ_c s(e/(w T_f)) = τ",
-        "random gantries", 1, kept / count, atol=0.5 / count, because=BECAUSE,
+        "files in which joints rest within the root", "κ e + share τ_c s(e/(w T_f)) = τ",
+        f"{count} random gantries", count, kept, atol=0.5, because=BECAUSE,
     )  # fmt: skip
 
 
@@ -163,9 +154,9 @@ def rubbed(made, q, v):
 
 
 @pytest.mark.usefixtures("rigid")
-def test_no_random_compensation_gives_energy_with_the_friction(simulate, request, prediction):
+def test_no_random_compensation_gives_energy_with_the_friction(simulate, random_files, prediction):
     """Int q'.(u_f + friction) dt, all joints, from any instant on: never above nothing."""
-    count, rng = drawn(request), np.random.default_rng(48152)
+    count, rng = random_files, np.random.default_rng(48152)
     kept = 0
     for _ in range(count):
         made = simulate(rubbing_file(rng))
@@ -183,8 +174,8 @@ def test_no_random_compensation_gives_energy_with_the_friction(simulate, request
         # Friction of the plant halves a slip in a tick, and takes less than all of it by then.
         kept += rise <= 1e-4 * taken
     prediction(
-        "share of files in which both together give no energy", "share τ_c ≤ τ",
-        "random files of four arms", 1, kept / count, atol=0.5 / count, because=BECAUSE,
+        "files in which both together give no energy", "share τ_c ≤ τ",
+        f"{count} random files of four arms", count, kept, atol=0.5, because=BECAUSE,
     )  # fmt: skip
 
 
@@ -204,12 +195,14 @@ def held_file(rng):
 
 
 @pytest.mark.usefixtures("rigid")
-def test_random_pulls_under_an_observer_are_those_of_the_closed_form(simulate, request, prediction):
+def test_random_pulls_under_an_observer_are_those_of_the_closed_form(
+    simulate, random_files, prediction
+):
     """Of a pull p on joints that friction holds (1 + c D H^-1)^-1 p is left, c as the page has it.
 
     In the norm of H^-1 that is at least p / (1 + c d/h), d/h the largest eigenvalue of D H^-1.
     """
-    count, rng = drawn(request), np.random.default_rng(48153)
+    count, rng = random_files, np.random.default_rng(48153)
     worst, kept, factors = (0.0, 1.0), 0, []
     for _ in range(count):
         text, estimate = held_file(rng)
@@ -235,10 +228,10 @@ def test_random_pulls_under_an_observer_are_those_of_the_closed_form(simulate, r
     assert max(factors) > 1.5
     prediction(
         "pull that is left over that of the closed form, the worst", "(1 + c D H⁻¹)⁻¹ p",
-        "random files of four arms", 1, worst[1],
+        f"{count} random files of four arms", 1, worst[1],
         rtol=0.02, because="the arm has turned by what it was moved",
     )  # fmt: skip
     prediction(
-        "share of files in which no pull is left less of", "p/(1 + c d/h), TS517",
-        "random files of four arms", 1, kept / count, atol=0.5 / count, because=BECAUSE,
+        "files in which no pull is left less of", "p/(1 + c d/h), TS517",
+        f"{count} random files of four arms", count, kept, atol=0.5, because=BECAUSE,
     )  # fmt: skip

@@ -1,8 +1,4 @@
-"""Estimated velocities held against runs: their bound, the torques they move, the loop's rates.
-
-`make feedback` has 200 random files of each; the suite has a twentieth of its other random presses,
-and two at least.
-"""
+"""Estimated velocities held against runs: their bound, the torques they move, the loop's rates."""
 
 from __future__ import annotations
 
@@ -20,11 +16,6 @@ ARMS = tuple(presses.ARMS.values())
 #: Laws under which a tool may move freely, and meet a plane with its motion axes.
 LAWS = ("pd", "pd-joint", "impedance", "impedance-natural", "hybrid", "parallel")
 BECAUSE = "a proof has no exception"
-
-
-def drawn(request, share=20):
-    """How many random files a test of this module takes of the option's number."""
-    return max(request.config.getoption("random_presses") // share, 2)
 
 
 def joints(made, what):
@@ -87,13 +78,13 @@ def estimated_file(rng):
     return text, estimate, r
 
 
-def test_no_random_estimate_is_off_by_more_than_its_bound(simulate, request, prediction):
+def test_no_random_estimate_is_off_by_more_than_its_bound(simulate, random_files, prediction):
     """|v - q'| <= r/2 sum |h| + c |d|, d what is not known of accelerations.
 
     A filter knows nothing of them. An observer knows what Pinocchio says of its own estimate; the
     plant's period moves joints by T^2 a, and not by T^2/2 a, which is T/2 a of velocity.
     """
-    count, rng = drawn(request), np.random.default_rng(48154)
+    count, rng = random_files, np.random.default_rng(48154)
     kept, near = 0, []
     for _ in range(count):
         text, estimate, r = estimated_file(rng)
@@ -112,8 +103,8 @@ def test_no_random_estimate_is_off_by_more_than_its_bound(simulate, request, pre
         near.append(share)
     assert max(near) > 0.3
     prediction(
-        "share of files whose velocities keep the bound", "r/2 Σ|h| + c d",
-        "random files of four arms", 1, kept / count, atol=0.5 / count, because=BECAUSE,
+        "files whose velocities keep the bound", "r/2 Σ|h| + c d",
+        f"{count} random files of four arms", count, kept, atol=0.5, because=BECAUSE,
     )  # fmt: skip
 
 
@@ -154,9 +145,9 @@ def of_gravity(made, q):
     return np.column_stack(columns)
 
 
-def test_no_random_torque_is_moved_by_more_than_its_bound(simulate, request, prediction):
+def test_no_random_torque_is_moved_by_more_than_its_bound(simulate, random_files, prediction):
     """|u(q, v) - u(exact ones)| <= |K| r/2 + |D| r/2 sum |h|, K and D those of the sampled loop."""
-    count, rng = drawn(request), np.random.default_rng(48155)
+    count, rng = random_files, np.random.default_rng(48155)
     kept, near, number = 0, [], 0
     while number < count:
         text, estimate, r = held_file(rng)
@@ -182,8 +173,8 @@ def test_no_random_torque_is_moved_by_more_than_its_bound(simulate, request, pre
         near.append(share)
     assert max(near) > 0.3
     prediction(
-        "share of files whose torques keep the bound", "K r/2 + D r/2 Σ|h|",
-        "random files of four arms", 1, kept / count, atol=0.5 / count, because=BECAUSE,
+        "files whose torques keep the bound", "K r/2 + D r/2 Σ|h|",
+        f"{count} random files of four arms", count, kept, atol=0.5, because=BECAUSE,
     )  # fmt: skip
 
 
@@ -208,9 +199,9 @@ def swinging_file(rng):
     )
 
 
-def test_random_rates_are_those_of_the_sampled_loop(simulate, request, prediction):
+def test_random_rates_are_those_of_the_sampled_loop(simulate, random_files, prediction):
     """Of the swing that a step of 1 mm along x leaves, as lines that are fitted show it."""
-    count, rng = drawn(request), np.random.default_rng(48156)
+    count, rng = random_files, np.random.default_rng(48156)
     worst, number = (0.0, 1.0), 0
     while number < count:
         made = simulate(swinging_file(rng))
@@ -229,6 +220,6 @@ def test_random_rates_are_those_of_the_sampled_loop(simulate, request, predictio
     assert worst[0] < 0.02
     prediction(
         "rate of runs over that of the sampled loop, the worst", "loop with its estimate",
-        "random files of planar2, hybrid and impedance", 1, worst[1],
+        f"{count} random files of planar2, hybrid and impedance", 1, worst[1],
         rtol=0.02, because="lines are fitted to a second of a motion of 1 mm",
     )  # fmt: skip
