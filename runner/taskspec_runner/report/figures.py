@@ -423,13 +423,12 @@ def _estimated_velocities(run: Run) -> Iterator[Chart | None]:
     if "velocity" not in run.summary or not pairs:
         return
     lines = [
-        Drawn(own, f"j{i % 7}", "estimated", "halo", reference_of=f"J{i + 1}")
-        for i, (own, _) in enumerate(pairs)
+        Drawn(own, f"j{i % 7}", f"J{i + 1} estimated", "faint") for i, (own, _) in enumerate(pairs)
     ]
     lines += [Drawn(true, f"j{i % 7}", f"J{i + 1}") for i, (_, true) in enumerate(pairs)]
     title, note = (
         "Joint velocities, and their estimates",
-        "wide and pale: as the controller has them",
+        "pale: as the controller has them",
     )
     yield of_signals(run, "estimated velocities", title, lines, note, always=(0.0,))
     errors = [run.columns[own] - run.columns[true] for own, true in pairs]
