@@ -43,7 +43,6 @@ _GAP = ".gap"
 _SEEN = 1e-3
 #: Deviations below are rounding [m].
 _ROUNDING = 1e-9
-_FRICTION = "torque.friction"
 
 
 def sections(run: Run) -> tuple[Section, ...]:
@@ -409,38 +408,38 @@ def _joint_torques(run: Run) -> Chart | None:
 
 def _compensated(run: Run) -> Chart | None:
     """What of the joint torques is there against friction."""
-    lines = [Drawn(n, f"j{i % 7}", f"J{i + 1}") for i, n in enumerate(_of_joints(run, _FRICTION))]
-    note = "part of the joint torques above"
-    title = "Compensated friction of the joints"
+    names = _of_joints(run, "torque.friction")
+    lines = [Drawn(n, f"j{i % 7}", _label(n)) for i, n in enumerate(names)]
+    title, note = "Compensated friction of the joints", "part of the joint torques above"
     return of_signals(run, "compensated friction", title, lines, note, always=(0.0,))
 
 
 def _estimated_velocities(run: Run) -> Iterator[Chart | None]:
     """Velocities that the controller has estimated: over the true ones, and what they lack."""
-    names = _of_joints(run, "velocity.measured")
-    pairs = [(n, n.removesuffix(".measured")) for n in names]
-    pairs = [(own, true) for own, true in pairs if run.column(true) is not None]
-    if "velocity" not in run.summary or not pairs:
+    names = [n.removesuffix(".measured") for n in _of_joints(run, "velocity.measured")]
+    names = [n for n in names if run.column(n) is not None]
+    if "velocity" not in run.summary or not names:
         return
-    lines = [
-        Drawn(own, f"j{i % 7}", f"J{i + 1} estimated", "faint") for i, (own, _) in enumerate(pairs)
-    ]
-    lines += [Drawn(true, f"j{i % 7}", f"J{i + 1}") for i, (_, true) in enumerate(pairs)]
-    title, note = (
-        "Joint velocities, and their estimates",
-        "pale: as the controller has them",
-    )
+    roles = {n: f"j{i % 7}" for i, n in enumerate(names)}
+    lines = [Drawn(f"{n}.measured", roles[n], f"{_label(n)} estimated", "faint") for n in names]
+    lines += [Drawn(n, roles[n], _label(n)) for n in names]
+    title, note = "Joint velocities, and their estimates", "pale: as the controller has them"
     yield of_signals(run, "estimated velocities", title, lines, note, always=(0.0,))
-    errors = [run.columns[own] - run.columns[true] for own, true in pairs]
-    factor, unit = scale(run.units[pairs[0][1]], size(errors))
+    errors = [run.columns[f"{n}.measured"] - run.columns[n] for n in names]
+    factor, unit = scale(run.units[names[0]], size(errors))
     traces = tuple(
-        Trace(f"J{i + 1}", error * factor, f"j{i % 7}") for i, error in enumerate(errors)
+        Trace(_label(n), error * factor, roles[n]) for n, error in zip(names, errors, strict=True)
     )
     said = "; ".join(velocity.sentences(run.summary))
     yield Chart(
         "velocity errors", "Estimated minus true joint velocities", unit, traces, said,
         always=(0.0,), factor=factor,
     )  # fmt: skip
+
+
+def _label(name: str) -> str:
+    """`J2` of a signal of joint 2."""
+    return f"J{name.split('.')[1]}"
 
 
 def _of_joints(run: Run, kind: str) -> list[str]:
