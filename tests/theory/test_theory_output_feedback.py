@@ -103,7 +103,7 @@ def test_no_random_estimate_is_off_by_more_than_its_bound(simulate, random_files
         near.append(share)
     assert max(near) > 0.3
     prediction(
-        "files whose velocities keep the bound", "r/2 Σ|h| + c d",
+        "files whose velocities keep the bound", "r/2 Σ abs(h) + c d",
         f"{count} random files of four arms", count, kept, atol=0.5, because=BECAUSE,
     )  # fmt: skip
 
@@ -173,7 +173,7 @@ def test_no_random_torque_is_moved_by_more_than_its_bound(simulate, random_files
         near.append(share)
     assert max(near) > 0.3
     prediction(
-        "files whose torques keep the bound", "K r/2 + D r/2 Σ|h|",
+        "files whose torques keep the bound", "K r/2 + D r/2 Σ abs(h)",
         f"{count} random files of four arms", count, kept, atol=0.5, because=BECAUSE,
     )  # fmt: skip
 
