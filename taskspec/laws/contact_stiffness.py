@@ -41,6 +41,8 @@ from taskspec.deferred_methods import dataclass
 _SUMS = 10
 #: A standard deviation below this part of the stiffness makes it one that counts.
 DECIDED = 0.25
+#: Numbers that are fitted: stiffness, damping, and the force of no deflection.
+UNKNOWNS = 3
 #: Knots of a design in a decade of stiffness; between them its gains are lines of logarithms.
 _KNOTS = 8
 #: By which share of themselves two knots differ at least.

@@ -47,6 +47,7 @@ def fitting_keys(stage: StagePlan) -> Iterator[Finding]:
                 where,
                 "one value for all joints, or one for each",
                 unless=("TS414",),
+                stops=True,
             )
     if slides is None or stage.joint_path is not None:
         return

@@ -52,10 +52,10 @@ def judge_log(
         InputError: the log is that of a run of this project, in its folder.
     """
     if log.is_dir() or log.name == LOG:
-        run = log if log.is_dir() else log.parent
+        folder = log if log.is_dir() else log.parent
         raise InputError(
-            f"{log} is of a run: taskspec judge {run} judges it by its own task; to judge it by "
-            f"{file}, write its log first: taskspec export {run} --parquet"
+            f"{log} is of a run: taskspec judge {folder} judges it by its own task; to judge it by "
+            f"{file}, write its log first: taskspec export {folder} --parquet"
         )
     from taskspec_runner.recorded.judging import judge_recording
 

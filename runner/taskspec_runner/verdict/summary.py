@@ -37,6 +37,7 @@ from taskspec_runner.verdict.payload import payload_block
 from taskspec_runner.verdict.performance import performance
 from taskspec_runner.verdict.protected import protected
 from taskspec_runner.verdict.run_finding import RunFinding
+from taskspec_runner.verdict.slips import slip_block
 from taskspec_runner.verdict.torque_steps import largest_change, largest_step
 from taskspec_runner.verdict.velocity import velocity_block
 
@@ -143,6 +144,7 @@ def summarise(
         **protected(program, history, context.period),
         **drift(program, history),
         **payload_block(program, history),
+        **slip_block(task, history),
         **estimated(program, history),
         **velocity_block(program, history),
         **energy_block(program, history, world.task),
