@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
 .PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check identify-worlds robosuite cell-presses
-.PHONY: clean layers interface tune-worlds insertion peg-policy
+.PHONY: clean layers sources hunting interface tune-worlds insertion peg-policy
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -20,6 +20,12 @@ theory: $(READY)  ## hold the laws against their theorems, 200 random files of e
 
 layers: $(READY)  ## what a boundary layer costs: errors and torques over layers; docs/laws/sliding.md
 	$(BIN)/python campaigns/layers.py --page docs/laws/sliding.md
+
+sources: $(READY)  ## coarse-encoders by every source of velocities, sticking-joints with friction compensated or not
+	$(BIN)/python campaigns/velocity_sources.py --page docs/laws/output-feedback.md
+
+hunting: $(READY)  ## 120 random compensations of more friction than there is, which of them hunt, and what TS518 says
+	$(BIN)/python campaigns/hunting.py --seed 7 --files 120 --page docs/laws/output-feedback.md
 
 proof: $(READY)  ## 1000 random tasks with random limits, and how near to them each came
 	$(BIN)/pytest tests/runner/test_runner_qp_random.py --random-tasks=1000

@@ -125,7 +125,8 @@ class VelocityEstimate:
         """By how much v lags in the end where the model lacks an acceleration of 1 rad/s^2 [s].
 
         T (1 + b) / (2 (1 - b)) of a filter, near 1/w, T/2 of plain differences;
-        T (1 + 3 z) / (2 (1 - z)) of an observer, near 2/w.
+        T (1 + 3 z) / (2 (1 - z)) of an observer, near 2/w. The response to an acceleration has one
+        sign, so it is also the most by which v lags where up to 1 rad/s^2 is not known.
         """
         behind = 3 if self.modelled else 1
         return self.period * (1 + behind * self.pole) / (2 * (1 - self.pole))

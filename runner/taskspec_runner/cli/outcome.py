@@ -15,7 +15,16 @@ from taskspec_runner.link.link import sentence
 from taskspec_runner.loop.fixed_step import UNDECIDED as UNDECIDED_END
 from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.runs import Run
-from taskspec_runner.verdict import drift, energy, estimated, payload, slips, tank, torque_steps
+from taskspec_runner.verdict import (
+    drift,
+    energy,
+    estimated,
+    payload,
+    slips,
+    tank,
+    torque_steps,
+    velocity,
+)
 from taskspec_runner.verdict.judged import title_of
 from taskspec_runner.verdict.limit_effects import sentences
 from taskspec_runner.verdict.outcome import is_measured, mirrored
@@ -51,6 +60,7 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
             *payload.sentences(run.summary),
             *slips.sentences(run.summary),
             *estimated.sentences(run.summary),
+            *velocity.sentences(run.summary),
             *near(run.summary),
         )
         for line in _truth(run.summary):

@@ -32,6 +32,7 @@ from taskspec_runner.report.rest_levels import rest_levels
 from taskspec_runner.report.selection import selected
 from taskspec_runner.report.settling import settlings
 from taskspec_runner.runs import Run
+from taskspec_runner.verdict import velocity
 from taskspec_runner.verdict.energy import MOST
 from taskspec_runner.verdict.metrics import set_points
 
@@ -76,6 +77,9 @@ def sections(run: Run) -> tuple[Section, ...]:
     arm.add(_joint_commands(run))
     arm.add(_joint_torques(run))
     arm.add(_disturbances(run))
+    arm.add(_compensated(run))
+    for chart in _estimated_velocities(run):
+        arm.add(chart)
     arm.add(_joint_positions(run))
     arm.add(_power(run))
     for chart in _payload(run):
@@ -441,6 +445,49 @@ def _joint_torques(run: Run) -> Chart | None:
     of = "Joint torques" if commanded(run.columns) == TORQUE else "Torques that the servo exerts"
     bounds = _limits(run, "joint_limits")
     return _joints(run, "torque", bounds, f"{of}, share of their limits", _HIGHEST)
+
+
+def _compensated(run: Run) -> Chart | None:
+    """What of the joint torques is there against friction."""
+    names = _of_joints(run, "torque.friction")
+    lines = [Drawn(n, f"j{i % 7}", _label(n)) for i, n in enumerate(names)]
+    title, note = "Compensated friction of the joints", "part of the joint torques above"
+    return of_signals(run, "compensated friction", title, lines, note, always=(0.0,))
+
+
+def _estimated_velocities(run: Run) -> Iterator[Chart | None]:
+    """Velocities that the controller has estimated: over the true ones, and what they lack."""
+    names = [n.removesuffix(".measured") for n in _of_joints(run, "velocity.measured")]
+    names = [n for n in names if run.column(n) is not None]
+    if "velocity" not in run.summary or not names:
+        return
+    roles = {n: f"j{i % 7}" for i, n in enumerate(names)}
+    lines = [Drawn(f"{n}.measured", roles[n], f"{_label(n)} estimated", "faint") for n in names]
+    lines += [Drawn(n, roles[n], _label(n)) for n in names]
+    title, note = "Joint velocities, and their estimates", "pale: as the controller has them"
+    yield of_signals(run, "estimated velocities", title, lines, note, always=(0.0,))
+    errors = [run.columns[f"{n}.measured"] - run.columns[n] for n in names]
+    factor, unit = scale(run.units[names[0]], size(errors))
+    traces = tuple(
+        Trace(_label(n), error * factor, roles[n]) for n, error in zip(names, errors, strict=True)
+    )
+    said = "; ".join(velocity.sentences(run.summary))
+    yield Chart(
+        "velocity errors", "Estimated minus true joint velocities", unit, traces, said,
+        always=(0.0,), factor=factor,
+    )  # fmt: skip
+
+
+def _label(name: str) -> str:
+    """`J2` of a signal of joint 2."""
+    return f"J{name.split('.')[1]}"
+
+
+def _of_joints(run: Run, kind: str) -> list[str]:
+    """The columns of a signal of joints that have a value, in one unit."""
+    names = [n for n in run.columns if n.startswith("joint.") and n.endswith(f".{kind}")]
+    names = [n for n in names if run.column(n) is not None]
+    return [n for n in names if run.units[n] == run.units[names[0]]]
 
 
 def _joint_commands(run: Run) -> Chart | None:

@@ -14,7 +14,16 @@ from taskspec_runner.pages.timeline import tints
 from taskspec_runner.record.folder import Json, mapping, number
 from taskspec_runner.report.rest_levels import rest_value
 from taskspec_runner.runs import Run
-from taskspec_runner.verdict import drift, energy, estimated, payload, slips, tank, torque_steps
+from taskspec_runner.verdict import (
+    drift,
+    energy,
+    estimated,
+    payload,
+    slips,
+    tank,
+    torque_steps,
+    velocity,
+)
 from taskspec_runner.verdict.limit_effects import sentences
 from taskspec_runner.verdict.protected import sentences as near
 
@@ -161,6 +170,7 @@ def given_up(run: Run) -> list[str]:
             *payload.sentences(run.summary),
             *slips.sentences(run.summary),
             *estimated.sentences(run.summary),
+            *velocity.sentences(run.summary),
             *near(run.summary),
         ]
     except (AttributeError, KeyError, TypeError, ValueError):
