@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
 .PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check identify-worlds robosuite cell-presses
-.PHONY: clean bounds energies estimates payloads robust layers interface tune-worlds insertion peg-policy
+.PHONY: clean bounds energies estimates grips payloads robust layers interface tune-worlds insertion peg-policy
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -35,6 +35,9 @@ payloads: $(READY)  ## 200 random payloads on random arms under random laws that
 
 estimates: $(READY)  ## 200 random presses on contacts that are up to ten times softer or stiffer than declared
 	$(BIN)/pytest tests/theory/test_theory_estimates.py --random-presses=200
+
+grips: $(READY)  ## 200 random parts that a gripper lifts, leans and moves with too little force or enough
+	$(BIN)/pytest tests/theory/test_theory_grip.py --random-presses=200
 
 proof: $(READY)  ## 1000 random tasks with random limits, and how near to them each came
 	$(BIN)/pytest tests/runner/test_runner_qp_random.py --random-tasks=1000

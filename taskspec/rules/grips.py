@@ -1,15 +1,20 @@
 """Gripping and releasing: their order, what the jaws can do, and what friction holds.
 
-Two pads that press with N hold a force w across them, and about the tool's axis a moment tau on a
-body of half width h, where each bears its share within mu N:
+Two pads that press with N hold of a body what it needs for its weight and acceleration, w across
+their axis n and f along it, and about the tool's axis a moment tau, where each bears its share:
 
-    (w/2)^2 + (tau / 2h)^2 <= (mu N)^2,    w = m |g + a| without its part along the jaws' axis.
+    hypot(w/2, tau / 2h) <= mu (N - f/2),    w = m |g + a| without its part f along n,
+
+h half of the body's width. Under f one pad presses with N - f/2, the other with N + f/2; a body that
+is not to turn between them bears on both alike, so that the weaker one counts. A flat face that has
+slid a little rocks on its pads and may hold more (`plant.pads`); that is left out.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -156,38 +161,56 @@ def held_as_begins(task: Task) -> dict[str, set[GripCommand | None]]:
     return {name: found[name] for name in task.stages if name in found}
 
 
-@rule("TS353", "a grip that is too weak", predicts=("TS353",))
-def weak_grips(stage: StagePlan) -> Iterator[Finding]:
+@rule("TS353", "a grip that is too weak", phase=Phase.RUN, predicts=("TS353",))
+def weak_grips(plan: TaskPlan) -> Iterator[Finding]:
     """Grips that do not hold a body's weight as it is moved, or a moment on it."""
-    task = stage.context.loaded.task
+    task = plan.context.loaded.task
     if not task.gripped:
         return
-    held = held_as_begins(task).get(stage.name, set())
-    if stage.spec.grip is not None or stage.spec.release is not None:
-        return
-    for grip in (g for g in _sorted(held) if g is not None):
-        shape = task.shapes[grip.object]
-        n = _closing_axis(stage)
-        load = (shape.mass or 0.0) * (_acceleration(stage) - np.array(GRAVITY))
-        w = float(np.linalg.norm(load - n * (n @ load)))
-        tau, half = _moment(stage, grip), _half_width(stage, grip.object, n)
-        needed = math.hypot(w / 2, tau / (2 * half)) / shape.friction if shape.friction else 0.0
-        if needed <= grip.force:
+    for name, held in held_as_begins(task).items():
+        stage = plan.framed.get(name)
+        if stage is None or stage.spec.grip is not None or stage.spec.release is not None:
             continue
-        bears = f"{show(w, 'N', 3)} of weight and acceleration need"
-        if tau:
-            about = f"{show(tau, 'N*m', 3)} on a half width of {show(half, 'mm', 3)}"
-            bears = f"{about}, and {bears}"
-        place = next(n for n, s in task.stages.items() if s.grip == grip)
-        yield warning(
-            "TS353",
-            f"{grip.object!r} slips in stage {stage.name!r}: with a friction of "
-            f"{shape.friction:g}, {bears} {show(needed, 'N', 3)} at each jaw, which "
-            f"presses with {show(grip.force, 'N', 3)}",
-            FILE.stages[place].grip.force,
-            "press harder, or move more gently",
-            unless=("TS353",),
-        )
+        for grip in (g for g in _sorted(held) if g is not None):
+            place = next(n for n, s in task.stages.items() if s.grip == grip)
+            closed = plan.framed.get(place, stage)
+            needed, bears = _needed(stage, grip, _closing_axis(closed))
+            if needed <= grip.force:
+                continue
+            yield warning(
+                "TS353",
+                f"{grip.object!r} slips in stage {name!r}: with a friction of "
+                f"{task.shapes[grip.object].friction:g}, {bears} need {show(needed, 'N', 3)} at "
+                f"each jaw, which presses with {show(grip.force, 'N', 3)}",
+                FILE.stages[place].grip.force,
+                "press harder, or move more gently",
+                unless=("TS353",),
+            )
+
+
+def _needed(stage: StagePlan, grip: GripCommand, closing: Vector) -> tuple[float, str]:
+    """What each jaw has to press with that a stage moves a body [N], and of what that comes.
+
+    Args:
+        stage: that moves it. grip: of the body.
+        closing: (3,) along which the jaws closed on it, world axes.
+    """
+    shape = stage.context.loaded.task.shapes[grip.object]
+    n, tau = _closing_axis(stage), _moment(stage, grip)
+    half = _half_width(stage, grip.object, closing)
+    most, bears = 0.0, ""
+    for a in _accelerations(stage):
+        load = (shape.mass or 0.0) * (a - np.array(GRAVITY))
+        f = abs(float(n @ load))
+        w = float(np.linalg.norm(load - n * (n @ load)))
+        share = math.hypot(w / 2, tau / (2 * half))
+        needed = share / shape.friction + f / 2 if shape.friction else 0.0
+        if needed > most:
+            whole = show(float(np.linalg.norm(load)), "N", 3)
+            most, bears = needed, f"{whole} of weight and acceleration"
+    if tau:
+        bears = f"{show(tau, 'N*m', 3)} on a half width of {show(half, 'mm', 3)}, and {bears}"
+    return most, bears
 
 
 @rule("TS354", "a grip or a release in the wrong place")
@@ -276,9 +299,9 @@ def _falls(stage: StagePlan, name: str, p: Vector) -> float:
     return min(gaps, default=math.inf) - below
 
 
-def _acceleration(stage: StagePlan) -> Vector:
-    """(3,) the most of what planned moves accelerate by along each axis, upwards, world axes."""
-    found = np.zeros(3)
+def _accelerations(stage: StagePlan) -> list[Vector]:
+    """(3,) what planned moves accelerate by at most, all axes at once, either way; world axes."""
+    peaks = []
     for axis, plan in stage.plans.items():
         if axis.is_rotation or not plan.motion:
             continue
@@ -288,8 +311,11 @@ def _acceleration(stage: StagePlan) -> Vector:
         knots, c = (np.asarray(ca.evalf(ca.SX(x))) for x in (cubic.knots, cubic.coefficients))
         spans = np.diff(knots.ravel())
         most = max(np.max(np.abs(2 * c[:, 2])), np.max(np.abs(2 * c[:, 2] + 6 * c[:, 3] * spans)))
-        found += most * np.abs(stage.nominal.rotation[:, axis.column])
-    return found
+        peaks.append(most * stage.nominal.rotation[:, axis.column])
+    signs = product((1.0, -1.0), repeat=len(peaks))
+    return [
+        np.zeros(3) + sum(s * peak for s, peak in zip(each, peaks, strict=True)) for each in signs
+    ]
 
 
 def _moment(stage: StagePlan, grip: GripCommand) -> float:
