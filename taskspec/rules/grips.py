@@ -5,9 +5,9 @@ their axis n and f along it, and about the tool's axis a moment tau, where each 
 
     hypot(w/2, tau / 2h) <= mu (N - f/2),    w = m |g + a| without its part f along n,
 
-h half of the body's width. Under f one pad presses with N - f/2, the other with N + f/2; a body that
-is not to turn between them bears on both alike, so that the weaker one counts. A flat face that has
-slid a little rocks on its pads and may hold more (`plant.pads`); that is left out.
+h half of the body's width. Under f one pad presses with N - f/2, the other with N + f/2; a body
+that is not to turn between them bears on both alike, so that the weaker one counts. A flat face
+that has slid a little rocks on its pads and may hold more (`plant.pads`); that is left out.
 """
 
 from __future__ import annotations

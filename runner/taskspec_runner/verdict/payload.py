@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES
-from taskspec.laws.adaptation import PARAMETERS, SCALES, counted, regressor
+from taskspec.laws.adaptation import PARAMETERS, SCALES, Adaptation, counted, regressor
 from taskspec.program.bound import RowFunction
 from taskspec.program.execution.payload_estimate import adaptation
 from taskspec.program.program import Program
@@ -30,6 +30,10 @@ Vector = NDArray[np.float64]
 
 #: A parameter of whose error a run has shown less than this share is one that it does not show.
 _SHOWN = 0.5
+#: A Gramian with less than this in one direction says nothing of what lies in it.
+_SINGULAR = 1e-6
+#: Forces and moments on the tip that a payload shows in.
+_COMPONENTS = 6
 #: A mass is at its bound if it is so near [kg].
 _AT_BOUND = 1e-6
 
@@ -53,6 +57,7 @@ def payload_block(program: Program, history: History) -> dict[str, Any]:
         left = (vectors * np.exp(-adapted.w * time * values)) @ vectors.T
         data["time"] = time
         data["least_eigenvalue"] = float(max(values[0], 0.0))
+        data["within"] = _left_by_dead_zone(adapted, gramian, known)
         data["shown"] = dict(zip(PARAMETERS, (1 - np.diag(left)).tolist(), strict=True))
     return {"payload": data}
 
@@ -67,14 +72,45 @@ def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
     data = summary.get("payload")
     if not data:
         return
-    mass, centre = scaled(data["mass"], MASS, 3), (data[axis] for axis in "xyz")
-    text = f"payload: {mass} at [{', '.join(scaled(x, LENGTH, 2) for x in centre)}] of the tool"
+    mass, *centre = (_with_bounds(data, name) for name in PARAMETERS)
+    text = f"payload: {mass} at [{', '.join(centre)}] of the tool"
     if data["at_bound"]:
         text += ", as heavy as its bounds let it be"
     missing = unshown(data)
     if missing:
         text += f"; this run does not show its {described(missing)}"
     yield text
+
+
+def _left_by_dead_zone(
+    adapted: Adaptation, gramian: Vector, known: list[float]
+) -> dict[str, float | None]:
+    """What the dead zone may leave of each parameter [kg, m]; None: all of it. More disturbs more.
+
+    Where all m components of A theta~ are within z, theta~^T G theta~ <= m (z / |g|)^2, so that of
+    one parameter sqrt(m [G^-1]_ii) z / |g| is left. A first moment over the mass is a centre, which
+    has the mass's own share of it as well.
+    """
+    values, vectors = np.linalg.eigh(gramian)
+    if values[0] < _SINGULAR:
+        return dict.fromkeys(PARAMETERS)
+    spread = np.sqrt(_COMPONENTS * np.diag((vectors / values) @ vectors.T))
+    left = spread * np.asarray(SCALES) * adapted.dead_zone / adapted.g
+    mass, *centre = known
+    if mass < _AT_BOUND:
+        return dict.fromkeys(PARAMETERS)
+    of_centre = [(each + abs(c) * left[0]) / mass for c, each in zip(centre, left[1:], strict=True)]
+    return dict(zip(PARAMETERS, map(float, [left[0], *of_centre]), strict=True))
+
+
+def _with_bounds(data: Mapping[str, Any], name: str) -> str:
+    """A parameter to the digits that a run determines; `?` for one that it does not show."""
+    dimension = MASS if name == "mass" else LENGTH
+    within = data.get("within", {}).get(name)
+    if name in unshown(data):
+        return "?"
+    text = scaled(data[name], dimension, 3 if name == "mass" else 2)
+    return text if within is None else f"{text} +- {scaled(within, dimension, 1)}"
 
 
 def described(parameters: list[str]) -> str:
