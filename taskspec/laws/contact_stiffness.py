@@ -228,8 +228,11 @@ class Schedule:
 def knots(low: float, high: float, also: Sequence[float] = ()) -> tuple[float, ...]:
     """The stiffnesses that a design is made for, both bounds among them [N/m]."""
     count = max(2, math.ceil(_KNOTS * math.log10(high / low)) + 1)
+    own = [k for k in also if low < k < high]
     between = np.geomspace(low, high, count)[1:-1].tolist()
-    return tuple(sorted({low, high, *between, *(k for k in also if low < k < high)}))
+    # One of them that is a given one but for rounding is that: no line goes through both.
+    between = [k for k in between if all(abs(math.log(k / each)) > _ALIKE for each in own)]
+    return tuple(sorted({low, high, *between, *own}))
 
 
 def schedules(

@@ -12,8 +12,9 @@ import presses
 import pytest
 
 from taskspec.examination import examine
-from taskspec.laws.contact_stiffness import DECIDED
+from taskspec.laws.contact_stiffness import DECIDED, Schedule, knots
 from taskspec.spec import load_text
+from taskspec.text.diagnostic import Severity
 from taskspec_runner import run
 
 SECTION = "Estimated contact stiffness"
@@ -163,6 +164,15 @@ def test_at_rest_nothing_is_forgotten_and_nothing_winds_up(simulate):
     assert np.ptp(slid["deviation"][-1000:]) == 0
 
 
+@pytest.mark.parametrize("middle", [4713.2, np.nextafter(20e3, 0), 20e3])
+def test_knots_that_differ_by_rounding_are_one(middle):
+    """A declared stiffness in the middle of its bounds is a knot of the decades, too."""
+    at = knots(middle / 12, 12 * middle, [middle])
+    assert middle in at
+    assert np.diff(np.log(at)).min() > 1e-3
+    assert Schedule.of({k: k**0.5 for k in at}) is not None
+
+
 LAWS = ("hybrid", "parallel", "parallel-pid", "hybrid-multipliers", "hybrid-reaction")
 
 
@@ -262,3 +272,18 @@ def test_validate_says_where_the_gains_do_not_hold():
         assert code in found
         narrow = text.replace("..200 kN/m", "..6 kN/m")
         assert code not in [e.code for e in examine(load_text(narrow, "task.yaml")).findings]
+
+
+def test_validate_says_that_a_bound_is_stiffer_than_the_plant_resolves():
+    """No loop is examined there, which is no sign that it holds."""
+    text = presses.PANDA.task(
+        "{kind: hybrid, estimate: 1..50000 kN/m}",
+        "press: {axes: {N: {force: +10 N}}, time: 1 s}",
+        contact="stiffness: 20 kN/m, damping: 60 N*s/m",
+    )
+    found = [e for e in examine(load_text(text, "task.yaml")).findings if e.code == "TS515"]
+    (unseen,) = [e for e in found if "is not examined on a contact of" in e.message]
+    assert unseen.severity is Severity.INFO
+    assert "plant_rate" in unseen.hint
+    narrow = load_text(text.replace("50000 kN/m", "100 kN/m"), "task.yaml")
+    assert not [e for e in examine(narrow).findings if "not examined" in e.message]
