@@ -107,6 +107,28 @@ ESTIMATE = (
         "    time: 0.6 s\nexpect:",
     )
 )
+#: Tares with a block in its gripper, turns it, and lets it go.
+HELD = """\
+taskspec: 1
+name: held
+robot:
+  model: panda
+  tool: {shape: sphere, radius: 4 mm, length: 120 mm, mass: 700 g}
+  gripper: {stroke: 60 mm, speed: 200 mm/s}
+  sensor: {at: wrist, bias: [1 N, 0, 2 N, 0, 0, 0]}
+  start: {xyz: [450 mm, 0, 330 mm]}
+world:
+  table: {shape: plane, xyz: [0, 0, 300 mm], friction: 0.4}
+  block:
+    {shape: box, size: [60 mm, 40 mm, 60 mm], xyz: [450 mm, 0, 330 mm], free: true, mass: 500 g,
+     friction: 0.4}
+stages:
+  grasp: {grip: {object: block, force: 30 N}, until: grip.force > 29.9 N, within: 2 s}
+  up: {axes: {z: {move: 20 mm, speed: 100 mm/s}}}
+  zero: {tare: true, time: 60 ms}
+  lean: {axes: {rx: {move: 8 deg}}}
+  let_go: {release: true, time: 100 ms}
+"""
 #: What is set in its runs, some of it before the first tick.
 MOVES = (
     *("push = 4 N @ 0 s", "sway = 3 mm @ 0 s", "sway = 7 mm @ 31 ms"),
@@ -124,6 +146,8 @@ def program(name: str) -> Program:
         return compile_unchecked(load_text(ROBUST, "touch.yaml"))
     if name == "estimate":
         return compile_unchecked(load_text(ESTIMATE, "touch.yaml"))
+    if name == "held":
+        return compile_unchecked(load_text(HELD, "held.yaml"))
     if name in SERVOS:
         return compile_unchecked(load_text(SERVOS[name], "touch.yaml"))
     return compile_task(load_task(TASKS / f"{name}.yaml"))

@@ -130,7 +130,7 @@ class Checker:
         if found.kind == "unknown" or found.dimension in (None, expected):
             return found
         if is_bare(node):
-            return self._missing_unit(node, expected)
+            return self._missing_unit(node, fitting_text(expected), expected)
         message = f"{describe(expected)} is needed here, this is {in_words(found)}"
         hint = self._unit_hint(node, expected)
         if not hint and expected != NUMBER:
@@ -182,7 +182,7 @@ class Checker:
                 continue
             right = False
             if is_bare(node) and leader[1].dimension is not None:
-                self._missing_unit(node, leader[1].dimension)
+                self._missing_unit(node, self._unit_of(leader[0]), leader[1].dimension)
             else:
                 message = f"{in_words(kind)} does not go together with {in_words(leader[1])}"
                 self.report("TS113", message, node, self._unit_hint(node, leader[1].dimension))
@@ -207,11 +207,23 @@ class Checker:
             self.relative.add(id(node))
         return kind
 
-    def _missing_unit(self, node: tree.Node, wanted: Dimension) -> Type:
+    def _unit_of(self, node: tree.Node) -> str:
+        """The units that fit what a node comes out in: of an energy those of energies."""
+        found = [
+            resolve(name.path, self.scope)
+            for name in tree.walk(node)
+            if isinstance(name, tree.Name)
+        ]
+        units = {f.signal.unit for f in found if f is not None and f.signal is not None}
+        (unit,) = units if len(units) == 1 else ("",)
+        dimension = self.type_of(node).dimension
+        return unit or ("" if dimension is None else fitting_text(dimension))
+
+    def _missing_unit(self, node: tree.Node, units: str, wanted: Dimension) -> Type:
         if wanted == NUMBER:
             return UNKNOWN
-        units = fitting_text(wanted)
-        message = f"a number without a unit, where {noun(wanted)} is needed"
+        what = "an energy" if units == "J" else noun(wanted)
+        message = f"a number without a unit, where {what} is needed"
         return self.report("TS110", message, node, f"add a unit: {units}")
 
     def _binary(self, node: tree.Binary) -> Type:

@@ -47,7 +47,7 @@ _OTHERS = {
     "wrench": "force.z",
 }  # fmt: skip
 """What other systems call a signal."""
-_LOGGED = ("command", "servo", "exerted", "measured")
+_LOGGED = ("command", "servo", "exerted", "measured", "friction")
 """Ends of columns of joints that the log has beside their signals."""
 _TRUTH = ("yes", "no", "on", "off", "true", "false")
 

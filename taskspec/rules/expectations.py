@@ -18,7 +18,7 @@ from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.signals import constant, entry_of, natural
 from taskspec.program.walk.nominal import AT_SURFACE
 from taskspec.rules import Finding, Phase, error, rule, warning
-from taskspec.rules.signals import no_such_signal
+from taskspec.rules.signals import given_by, no_such_signal
 from taskspec.signals import CLOCKS
 from taskspec.spec import Expectation
 from taskspec.text.units import FORCE, fitting, show
@@ -79,12 +79,14 @@ def signals_without_value(task: TaskPlan) -> Iterator[Finding]:
                 reason = no_such_signal(stage, name, inside_norm=False)
                 if reason is None:
                     continue
+                nowhere = all(no_such_signal(each, name, inside_norm=False) for each in way)
                 yield error(
                     "TS721",
                     f"{name} is judged in the whole run, and has no value in stage "
                     f"{stage.name!r}: {reason}",
                     expression.where(name),
-                    f"ask for it in the stages that have it, as in STAGE.{name}",
+                    (nowhere and given_by(stage, name))
+                    or f"ask for it in the stages that have it, as in STAGE.{name}",
                 )
                 break
 

@@ -36,10 +36,10 @@ def missing_signals(stage: StagePlan) -> Iterator[Finding]:
 def _missing(stage: StagePlan, expression: Expression, *, reference: bool) -> Iterator[Finding]:
     context = stage.context
     for node, inside_norm in _names(expression.tree, False):
-        hint = ""
         entry = entry_of(context.loaded.task, node.path)
         gain = entry is not None and entry.signal.index is Index.GAIN
         reason = None if gain else no_such_signal(stage, node, inside_norm=inside_norm)
+        hint = given_by(stage, node) if reason is not None else ""
         if reason is None and reference and entry is not None:
             reason = entry.signal.reference or None
         if reason is None and node.path[0] in context.mechanisms and node.path[0] != context.held:
@@ -89,16 +89,24 @@ def missing_expected_signals(task: TaskPlan) -> Iterator[Finding]:
             here = Name(inner.path)  # The verdict resolves other frames from the log.
             reason = no_such_signal(stage, here, inside_norm=inside_norm)
             if reason is not None:
-                hint = ""
+                hint = given_by(stage, inner)
                 if inner.path[0] == "error" and inner.path[-1] in stage.axes:
                     kind = Axis(inner.path[-1]).effort
                     hint = f"judge what it controls: {stage.name}.{kind}.{inner.path[-1]}"
                 yield error("TS224", f"{node}: {reason}", expression.where(node), hint)
 
 
+def given_by(stage: StagePlan, node: Name) -> str:
+    """What gives a stage a signal that it lacks; empty where no key of a file does."""
+    entry = entry_of(stage.context.loaded.task, node.path)
+    if entry is None or not entry.signal.given or _tank_pays(stage, ".".join(node.path)):
+        return ""
+    return f"it comes of {entry.signal.given}"
+
+
 def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | None:
     """Why a stage has no such signal, None if it has it."""
-    path, robot = node.path, stage.context.robot
+    path = node.path
     if path[-1] == REFERENCE:
         of = Name(path[:-1], node.frame)
         missing = _no_references if inside_norm else _no_reference
@@ -109,10 +117,11 @@ def no_such_signal(stage: StagePlan, node: Name, *, inside_norm: bool) -> str | 
             return elsewhere
     if len(path) == 1:
         return _no_single(stage, path[0])
-    if path[0] in (Index.GAIN, Index.GRIP, Index.TANK) or ".".join(path) in {*ENERGY, *PAYLOAD}:
+    families = (Index.GAIN, Index.GRIP, Index.TANK, Index.ESTIMATE)
+    if path[0] in families or ".".join(path) in {*ENERGY, *PAYLOAD}:
         return _not_of_law(stage, path)
-    if path[0] == "joint" and int(path[1]) > robot.n:
-        return f"{robot.name!r} has {robot.n} joints"
+    if path[0] == "joint":
+        return _no_joint(stage, path)
     if path[0] in stage.context.equations and path[1] == "residual":
         given = path[0] in stage.spec.generalised
         return None if given else f"stage {stage.name!r} gives {path[0]!r} no joint torques"
@@ -167,6 +176,16 @@ def _no_single(stage: StagePlan, name: str) -> str | None:
     return _no_gap(stage) if name == "gap" else None
 
 
+def _no_joint(stage: StagePlan, path: tuple[str, ...]) -> str | None:
+    """Why a stage has no such signal of a joint, None if it has it."""
+    robot = stage.context.robot
+    if int(path[1]) > robot.n:
+        return f"{robot.name!r} has {robot.n} joints"
+    if path[2] == "disturbance" and stage.law.disturbance_observer is None:
+        return f"the law of stage {stage.name!r} has no disturbance observer"
+    return None
+
+
 def _not_of_law(stage: StagePlan, path: tuple[str, ...]) -> str | None:
     """Why the law of a stage has no such gain, energy or payload, None if it has."""
     task = stage.context.loaded.task
@@ -174,15 +193,26 @@ def _not_of_law(stage: StagePlan, path: tuple[str, ...]) -> str | None:
         return None if task.gripped or path[0] in task.world else "no stage grips anything"
     if ".".join(path) in PAYLOAD:
         none = task.adapt is None
-        return "no law adapts to a payload: law: {adapt: payload}" if none else None
+        return "no law adapts to a payload" if none else None
     if ".".join(path) in ENERGY:
         return _no_energy(stage, ".".join(path))
     if path[0] == Index.TANK:
         given = stage.law.tank is not None and stage.joint_path is None
         return None if given else f"the law of stage {stage.name!r} has no energy tank"
+    if path[0] == Index.ESTIMATE:
+        return _no_estimate(stage, Axis(path[-1]))
     name, on = ".".join(path[1:-1]), path[-1]
     varies = (name, on) in stage.varying
     return None if varies else f"the {name} of stage {stage.name!r} does not vary on {on!r}"
+
+
+def _no_estimate(stage: StagePlan, axis: Axis) -> str | None:
+    """Why the law of a stage estimates no stiffness along an axis, None if it does."""
+    if stage.law.estimate is None or stage.joint_path is not None:
+        return f"the law of stage {stage.name!r} estimates no stiffness"
+    plan = stage.plans.get(axis)
+    given = plan is not None and plan.force
+    return None if given else f"{axis!r} has no force in stage {stage.name!r}, so none is estimated"
 
 
 #: What a law with a tank has no single power or function of.
@@ -191,13 +221,18 @@ _PAID_FOR = (
 )
 
 
+def _tank_pays(stage: StagePlan, name: str) -> bool:
+    """Whether the tank of a stage's law has taken the place of an energy."""
+    return name in ENERGY and stage.law.tank is not None
+
+
 def _no_energy(stage: StagePlan, name: str) -> str | None:
     """Why a stage has no energy of its law, None if it has."""
     law = stage.law.control_law
     if not law.storage or stage.joint_path is not None:
         having = ", ".join(kind for kind, each in LAWS.items() if each.storage)
         return f"{stage.law.kind!r} states no energy that it stores; laws that do: {having}"
-    if stage.law.tank is not None and name in _PAID_FOR:
+    if _tank_pays(stage, name) and name in _PAID_FOR:
         return "the tank of its law pays for that: judge 'tank.power', or 'energy.stored'"
     if name == "energy.lyapunov" and law.force_loop:
         return f"{stage.law.kind!r} has a force loop, whose Lyapunov function is local (4.62)"

@@ -17,7 +17,7 @@ from taskspec.program.flow import followers, reached
 from taskspec.program.passage import End, Instant
 from taskspec.program.plan import StagePlan, TaskPlan
 from taskspec.program.world.stiffness import RESOLVED_PHASE, mass_along
-from taskspec.rules import Finding, Phase, rule, warning
+from taskspec.rules import Finding, Phase, info, rule, warning
 from taskspec.rules.remedies import place_of, remedies, text_of
 from taskspec.rules.set_points import in_the_air
 from taskspec.spec import FILE, KeyPath, Task, below
@@ -218,10 +218,17 @@ def _while_estimating(analysed: SampledStage, shared: Shared) -> Iterator[Findin
     place = below(law_path(shared.context, name), "estimate")
     each = next(iter(axes.values()))
     for end in (each.low, each.high):
-        task = analysed.on(end)
+        task, shown = analysed.on(end), scaled(end, STIFFNESS, 3)
         if not resolved(analysed, task):
+            yield info(
+                "TS515",
+                f"stage {name!r} is not examined on a contact of {shown}: a step of the plant does "
+                "not resolve that",
+                place,
+                "raise control.plant_rate, or narrow the bounds of the estimate",
+            )
             continue
-        modes, shown = analysed.modes(task), scaled(end, STIFFNESS, 3)
+        modes = analysed.modes(task)
         worst, ringing = worst_of(modes), ringing_of(_swinging(modes, shared))
         if worst is not None and grows(worst):
             text = f"stage {name!r} is unstable on a contact of {shown}, with the gains for that"

@@ -230,6 +230,7 @@ def _joint_torque(at: Situation, number: str) -> ca.SX:
     output="disturbance",
     reference="a reference cannot depend on an estimate that follows from it",
     absent="its law has no disturbance observer",
+    given="law: {disturbance_observer: 20 Hz}",
 )
 def _joint_disturbance(at: Situation, number: str) -> ca.SX | None:
     """What a law's disturbance observer estimates to push joint N beside the measured force."""
@@ -286,6 +287,7 @@ def _grip(name: str, dimension: Dimension, meaning: str) -> None:
         low=0.0,
         reference="a reference cannot depend on what the gripper reports",
         absent="no stage grips",
+        given="a stage with grip: {object: NAME, force: 20 N}",
     )
     def _value(at: Situation) -> ca.SX | None:
         return at.grip.get(name)
@@ -310,6 +312,7 @@ def _energy(name: str, meaning: str, unmeasured: str = "") -> None:
         reference="a reference cannot depend on an energy that follows from it",
         unmeasured=unmeasured,
         absent="its law states no such energy, or the log lacks what it is worked out of",
+        given="a law that stores energy, such as law: {kind: impedance}",
     )
     def _value(at: Situation) -> ca.SX | None:
         return at.energies().get(name)
@@ -325,6 +328,7 @@ def _payload(name: str, dimension: Dimension, meaning: str, number: int) -> None
         meanings={"": meaning},
         reference="a reference cannot depend on what is estimated while it is followed",
         absent="no law adapts to a payload",
+        given="law: {adapt: payload}",
     )
     def _value(at: Situation) -> ca.SX | None:
         known = at.payload is not None and at.payload.numel()
@@ -364,6 +368,7 @@ def _tank(name: str, dimension: Dimension, meaning: str, **facts: Any) -> None:
         meanings={"": meaning},
         reference="a reference cannot depend on a tank that pays for it",
         absent="its law has no tank",
+        given="law: {tank: 2 J}",
         **facts,
     )
     def _value(at: Situation) -> ca.SX | None:
@@ -390,6 +395,7 @@ def _estimate(name: str) -> None:
         low=0.0,
         reference="a reference that follows what is estimated from it would close another loop",
         absent="an axis without a force, or a law without `estimate`",
+        given="law: {estimate: 1..200 kN/m}, on an axis with a force",
     )
     def _value(at: Situation, axis: str) -> ca.SX | None:
         return at.estimates.get(name, {}).get(Axis(axis))

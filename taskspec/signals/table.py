@@ -73,6 +73,7 @@ class Signal:
         reference: why no reference may use it, empty if one may.
         unmeasured: why neither references nor guards may use it, empty if they may.
         absent: why it may have no value in a stage.
+        given: what in a file gives it, as it may be written; empty for what is always there.
         unit: of its values, where its dimension has another one as well.
     """
 
@@ -95,6 +96,7 @@ class Signal:
     reference: str = ""
     unmeasured: str = ""
     absent: str = ""
+    given: str = ""
     unit: str = ""
 
     @property

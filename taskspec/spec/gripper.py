@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from taskspec.spec.field_type import FieldType
+from taskspec.spec.fields import MECHANISMS
 from taskspec.spec.model import Model
 from taskspec.spec.parse_context import ParseContext, kind_of, span_of
 from taskspec.spec.quantities import Constant
@@ -27,6 +28,8 @@ def _instead(name: str, context: ParseContext) -> str:
     """What to write for an object that exists but lies nowhere loose."""
     if name in context.of_kind("shape"):
         return f"{name!r} stands where it is; a loose body has 'free: true' and a mass"
+    if name not in context.of_kind(*MECHANISMS):
+        return ""
     return f"a gripper holds loose bodies; a mechanism is held from the start: robot.grasp: {name}"
 
 

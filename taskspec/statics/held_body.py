@@ -1,15 +1,20 @@
 """Bodies that the jaws hold in a stage: what they weigh, and what friction holds of that.
 
-Two pads that press with N hold a force w across them, and about the tool's axis a moment tau on a
-body of half width h, where each bears its share within mu N:
+Two pads that press with N hold of a body what it needs for its weight and acceleration, w across
+their axis n and f along it, and about the tool's axis a moment tau, where each bears its share:
 
-    (w/2)^2 + (tau / 2h)^2 <= (mu N)^2,    w = m |g + a| without its part along the jaws' axis.
+    hypot(w/2, tau / 2h) <= mu (N - f/2),    w = m |g + a| without its part f along n,
+
+h half of the body's width. Under f one pad presses with N - f/2, the other with N + f/2; a body
+that is not to turn between them bears on both alike, so that the weaker one counts. A flat face
+that has slid a little rocks on its pads and may hold more (`plant.pads`); that is left out.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -38,7 +43,7 @@ class HeldBody:
         grip: the command that it was gripped by.
         mass: of the body [kg].
         friction: mu, of the pads on it.
-        across: w, of weight and planned acceleration across the jaws' axis [N].
+        across, along: w and f, of weight and planned acceleration, where these need the most [N].
         moment: tau, of a thread that it is turned on [N m].
         half: its half width between the jaws [m].
     """
@@ -47,19 +52,25 @@ class HeldBody:
     mass: float
     friction: float
     across: float
+    along: float
     moment: float
     half: float
+
+    @property
+    def load(self) -> float:
+        """Weight and acceleration together [N]."""
+        return math.hypot(self.across, self.along)
 
     @property
     def needed(self) -> float:
         """With which each jaw has to press [N]; 0 without friction."""
         borne = math.hypot(self.across / 2, self.moment / (2 * self.half))
-        return borne / self.friction if self.friction else 0.0
+        return borne / self.friction + self.along / 2 if self.friction else 0.0
 
     @property
     def holds(self) -> float:
-        """2 mu N, the most that the pads bear across their axis without a moment [N]."""
-        return 2 * self.friction * self.grip.force
+        """mu (2 N - f), the most that the pads bear across their axis without a moment [N]."""
+        return self.friction * max(2 * self.grip.force - self.along, 0.0)
 
     def rows(self) -> Iterator[tuple[str, str]]:
         """What is held, and what makes it slip."""
@@ -104,27 +115,49 @@ def jaw_command(stage: StagePlan) -> JawCommand | None:
     return None if grip is None and released is None else JawCommand(grip, released or "")
 
 
-def held_bodies(stage: StagePlan) -> list[HeldBody]:
-    """The bodies that the jaws may hold throughout a stage, one for each grip before it."""
+def held_bodies(stage: StagePlan, plans: Mapping[str, StagePlan]) -> list[HeldBody]:
+    """The bodies that the jaws may hold throughout a stage, one for each grip before it.
+
+    Args:
+        stage: that moves them.
+        plans: of the stages that are known, by name.
+    """
     task = stage.context.loaded.task
     if not task.gripped or stage.spec.grip is not None or stage.spec.release is not None:
         return []
     held = held_as_begins(task).get(stage.name, set())
-    return [_held(stage, grip) for grip in in_order(held) if grip is not None]
+    found = []
+    for grip in in_order(held):
+        if grip is not None:
+            closed = plans.get(gripping_stage(task, grip), stage)
+            found.append(_held(stage, grip, closing_axis(closed)))
+    return found
 
 
-def _held(stage: StagePlan, grip: GripCommand) -> HeldBody:
+def gripping_stage(task: Task, grip: GripCommand) -> str:
+    """The first stage that commands it."""
+    return next(name for name, stage in task.stages.items() if stage.grip == grip)
+
+
+def _held(stage: StagePlan, grip: GripCommand, closed: Vector) -> HeldBody:
+    """Args: stage, grip; closed: (3,) along which the jaws closed on the body, world axes."""
     shape, n = stage.context.loaded.task.shapes[grip.object], closing_axis(stage)
+    moment, half = _moment(stage, grip), half_width(stage, grip.object, closed)
     mass = shape.mass or 0.0
-    load = mass * (_acceleration(stage) - np.array(GRAVITY))
-    return HeldBody(
-        grip,
-        mass,
-        shape.friction,
-        across=float(np.linalg.norm(load - n * (n @ load))),
-        moment=_moment(stage, grip),
-        half=half_width(stage, grip.object, n),
-    )
+    loads = [mass * (a - np.array(GRAVITY)) for a in _accelerations(stage)]
+    bodies = [
+        HeldBody(
+            grip,
+            mass,
+            shape.friction,
+            across=float(np.linalg.norm(load - n * (n @ load))),
+            along=abs(float(n @ load)),
+            moment=moment,
+            half=half,
+        )
+        for load in loads
+    ]
+    return max(bodies, key=lambda body: body.needed)
 
 
 def in_order(held: set[GripCommand | None]) -> list[GripCommand | None]:
@@ -168,9 +201,9 @@ def half_width(stage: StagePlan, name: str, n: Vector) -> float:
     return float(ca.evalf(ca.SX(solid.support(ca.SX(solid.rotation.T @ n)))))
 
 
-def _acceleration(stage: StagePlan) -> Vector:
-    """(3,) the most of what planned moves accelerate by along each axis, upwards, world axes."""
-    found = np.zeros(3)
+def _accelerations(stage: StagePlan) -> list[Vector]:
+    """(3,) what planned moves accelerate by at most, all axes at once, either way; world axes."""
+    peaks = []
     for axis, plan in stage.plans.items():
         if axis.is_rotation or not plan.motion:
             continue
@@ -180,8 +213,11 @@ def _acceleration(stage: StagePlan) -> Vector:
         knots, c = (np.asarray(ca.evalf(ca.SX(x))) for x in (cubic.knots, cubic.coefficients))
         spans = np.diff(knots.ravel())
         most = max(np.max(np.abs(2 * c[:, 2])), np.max(np.abs(2 * c[:, 2] + 6 * c[:, 3] * spans)))
-        found += most * np.abs(stage.nominal.rotation[:, axis.column])
-    return found
+        peaks.append(most * stage.nominal.rotation[:, axis.column])
+    signs = product((1.0, -1.0), repeat=len(peaks))
+    return [
+        np.zeros(3) + sum(s * peak for s, peak in zip(each, peaks, strict=True)) for each in signs
+    ]
 
 
 def _moment(stage: StagePlan, grip: GripCommand) -> float:

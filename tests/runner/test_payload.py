@@ -164,6 +164,10 @@ def test_summary_line_and_report_say_what_was_learned(known):
     assert all(share > 0.9 for share in data["shown"].values())
     (line,) = sentences(known.summary)
     assert line.startswith("payload: 0.29")
+    # The dead zone leaves centimetres of a centre that gravity hardly turns against.
+    assert 5e-3 < data["within"]["x"] < data["within"]["z"] < 50e-3
+    assert abs(data["mass"] - 0.3) < data["within"]["mass"]
+    assert line.count(" +- ") == 4
     assert "show" not in line
     page = (known.folder / "report.html").read_text(encoding="utf-8")
     assert "Mass of the payload" in page
@@ -179,3 +183,4 @@ def test_a_tool_that_only_hangs_does_not_show_the_centre_along_gravity(tmp_path)
     assert data["least_eigenvalue"] < 0.05
     (line,) = sentences(made.summary)
     assert "this run does not show its centre along " in line
+    assert "?" in line

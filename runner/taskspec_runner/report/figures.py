@@ -58,6 +58,8 @@ def sections(run: Run) -> tuple[Section, ...]:
     contact.add(_mechanisms(run, "force", "Force on the mechanism, along its axis"))
     contact.add(_settling(run))
     contact.add(_estimates(run))
+    for chart in _grip(run):
+        contact.add(chart)
     contact.add(_inconsistent(run))
     contact.add(_wrench(run, "force", LINEAR, "All forces"))
     contact.add(_wrench(run, "torque", ANGULAR, "Moments"))
@@ -333,6 +335,19 @@ def _payload(run: Run) -> Iterator[Chart | None]:
     centre = [Drawn(f"payload.{axis}", axis, axis, continuous=True) for axis in "xyz"]
     title, note = "Centre of the payload", "from the tip, in the tool's axes"
     yield of_signals(run, "payload centre", title, centre, note, always=(0.0,))
+
+
+def _grip(run: Run) -> Iterator[Chart | None]:
+    """What the jaws press with, and how far what they hold has slid."""
+    lines = [
+        Drawn("grip.command", "ink", "commanded", "reference"),
+        Drawn("grip.force", "z", "of each jaw"),
+    ]
+    title, note = "Force of the gripper", "dashed: as commanded; 0 opens it"
+    yield of_signals(run, "grip force", title, lines, note, always=(0.0,))
+    slid = [Drawn("grip.slip", "x", continuous=True)]
+    title, note = "Slip in the gripper", "since the command last changed"
+    yield of_signals(run, "grip slip", title, slid, note, always=(0.0,))
 
 
 def _estimates(run: Run) -> Chart | None:

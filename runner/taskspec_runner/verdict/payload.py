@@ -47,6 +47,8 @@ def payload_block(program: Program, history: History) -> dict[str, Any]:
         shows, time = found
         data["time"] = time
         data["least_eigenvalue"] = float(max(np.linalg.eigvalsh(shows)[0], 0.0))
+        within = adapted.within(shows, known) or (None,) * len(PARAMETERS)
+        data["within"] = dict(zip(PARAMETERS, within, strict=True))
         data["shown"] = dict(zip(PARAMETERS, adapted.shown(shows, time).tolist(), strict=True))
     return {"payload": data}
 
@@ -61,14 +63,24 @@ def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
     data = summary.get("payload")
     if not data:
         return
-    mass, centre = scaled(data["mass"], MASS, 3), (data[axis] for axis in "xyz")
-    text = f"payload: {mass} at [{', '.join(scaled(x, LENGTH, 2) for x in centre)}] of the tool"
+    mass, *centre = (_with_bounds(data, name) for name in PARAMETERS)
+    text = f"payload: {mass} at [{', '.join(centre)}] of the tool"
     if data["at_bound"]:
         text += ", as heavy as its bounds let it be"
     missing = unshown(data)
     if missing:
         text += f"; this run does not show its {described(missing)}"
     yield text
+
+
+def _with_bounds(data: Mapping[str, Any], name: str) -> str:
+    """A parameter to the digits that a run determines; `?` for one that it does not show."""
+    dimension = MASS if name == "mass" else LENGTH
+    within = data.get("within", {}).get(name)
+    if name in unshown(data):
+        return "?"
+    text = scaled(data[name], dimension, 3 if name == "mass" else 2)
+    return text if within is None else f"{text} +- {scaled(within, dimension, 1)}"
 
 
 def _gramian(program: Program, history: History) -> tuple[Vector, float] | None:

@@ -155,7 +155,7 @@ class Machine:
         self.live = LiveParams(task.live, self.now, first_live(task))
         self._moves = bool(self.live)
         self.payload = payload_estimate(self, task, robot)
-        self.sensor = sensor_zero(task, task.robot.sensor, robot, self.payload)
+        self.sensor = sensor_zero(task, task.robot.sensor, robot, self.payload, *load)
         self.estimation = Estimation(self.sensor, estimates)
         self._inputs = (self.now, self.q, self.v, *self.terms.arrays, self.wrench, self.reactions)
         self.handed = np.zeros(sum(length for _, length in handed_of(task, robot.n)))

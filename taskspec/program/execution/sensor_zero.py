@@ -25,14 +25,16 @@ class SensorZero:
     orientation of now. What is left is contact, the tool's inertia, and the sensor's bias, until a
     stage with `tare` has measured it. The weight of a payload that laws adapt to is subtracted as
     well, in the orientation of now and in that of the zero: what was estimated since then counts in
-    the zero, too, so that it matters not which of the two comes first.
+    the zero, too, so that it matters not which of the two comes first. The weight of what a gripper
+    holds stays in the wrench: whoever reads it subtracts that (`ports.Inputs.contact`). So no zero
+    has it.
 
     Attributes:
         reading: (6,) the newest one, in the tool's axes about the tip, by the environment [N, N m];
             written from outside.
         turned: (9,) the tip's axes of now, column after column; written by `correct`.
-        left: (6,) of the reading without the weight; with a payload also (3,) gravity in these axes
-            [m/s^2].
+        left: (6,) of the reading without the weight, and without that of what is gripped; with a
+            payload also (3,) gravity in these axes [m/s^2].
         zero: (6,) or (9,) subtracted from what is left, in the same axes.
         wrench: (6,) of the contact, world axes [N, N m].
         function: reading, axes, zero -> left, wrench.
@@ -41,9 +43,18 @@ class SensorZero:
     """
 
     def __init__(
-        self, robot: RobotModel, *, weighs: bool, payload: PayloadEstimate | None = None
+        self,
+        robot: RobotModel,
+        *,
+        weighs: bool,
+        payload: PayloadEstimate | None = None,
+        load: Vector | None = None,
     ) -> None:
-        """For the tool of `robot`; with `weighs`, readings have its weight and the payload's."""
+        """For the tool of `robot`; with `weighs`, readings have its weight and the payload's.
+
+        Args:
+            load: (1,) mass that is gripped, as far as it is known [kg]; None where nothing is.
+        """
         carries = weighs and payload is not None
         self._mass = robot.tool_body.mass if weighs else 0.0
         self._lever = robot.tool_body.lever
@@ -55,13 +66,14 @@ class SensorZero:
         R = ca.reshape(wiring.reads("turned", self.turned), 3, 3)
         left = wiring.reads("reading", self.reading) - self.weight(R)
         zero = wiring.reads("zero", self.zero)
-        contact = left - zero[:6]
+        contact, down = left - zero[:6], R.T @ ca.DM(_GRAVITY)
+        if load is not None:
+            left -= ca.vertcat(wiring.reads("load", load) * down, ca.SX.zeros(3))
         if carries:
             assert payload is not None
             adaptation = payload.adaptation
-            load = adaptation.model(wiring.reads("payload", payload.memory)[:KEPT])
-            down = R.T @ ca.DM(_GRAVITY)
-            contact -= adaptation.weight(load, down - zero[6:])
+            known = adaptation.model(wiring.reads("payload", payload.memory)[:KEPT])
+            contact -= adaptation.weight(known, down - zero[6:])
             left = ca.vertcat(left, down)
         wiring.writes(left, self.left)
         wiring.writes(ca.vertcat(R @ contact[:3], R @ contact[3:]), self.wrench)
@@ -100,7 +112,11 @@ class SensorZero:
 
 
 def sensor_zero(
-    task: Task, sensor: Sensor, robot: RobotModel, payload: PayloadEstimate | None = None
+    task: Task,
+    sensor: Sensor,
+    robot: RobotModel,
+    payload: PayloadEstimate | None = None,
+    load: Vector | None = None,
 ) -> SensorZero | None:
     """The correction of the readings of an arm's sensor.
 
@@ -109,6 +125,7 @@ def sensor_zero(
         sensor: as the file has it.
         robot: the arm.
         payload: that laws adapt to; None for none.
+        load: (1,) mass that is gripped [kg]; None in a task that grips nothing.
 
     Returns:
         None where the sensor gives the contact wrench as it is.
@@ -120,4 +137,4 @@ def sensor_zero(
     varied = varied or coarse or bool(task.truth.of(ENCODER))
     if sensor == Sensor() and not varied and not any(s.tare for s in task.stages.values()):
         return None
-    return SensorZero(robot, weighs=sensor.at == "wrist", payload=payload)
+    return SensorZero(robot, weighs=sensor.at == "wrist", payload=payload, load=load)
