@@ -49,6 +49,7 @@ z / a then: c = F / ((F - 1) (2 F - 1)) is the integral of w (a - a^2) exp(w t).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
@@ -58,6 +59,7 @@ from numpy.typing import NDArray
 from taskspec.control import linear
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
+from taskspec.text.units import FORCE, LENGTH, TIME, grams, scaled, show
 
 Matrix = NDArray[np.float64]
 
@@ -73,6 +75,10 @@ LEVER = 0.1
 _DAMPED = 1e-4
 #: What a parameter is that counts as 1 kg [kg, kg m].
 SCALES = (1.0, LEVER, LEVER, LEVER)
+#: Of a parameter of whose error less than this share is gone, nothing is known.
+SHOWN = 0.5
+#: An eigenvalue of a Gramian below this is none.
+_ROUNDING = 1e-12
 #: Below this mass a payload has no centre [kg].
 _LIGHT = 1e-3
 
@@ -228,6 +234,37 @@ class Adaptation:
         begun = abs(start) - (1 - _FIRST) * left
         return (math.log(begun / (error - left)) + 1.5 / FILTER) / self.w
 
+    def shown(self, gramian: Matrix, time: float) -> Matrix:
+        """(4,) the share of an error of each parameter alone that is gone after a time.
+
+        Along an eigenvector of the Gramian with the eigenvalue lambda, exp(-lambda w t) of an error
+        is left: 1 - [exp(-w t G)]_ii.
+
+        Args:
+            gramian: (4, 4) G, the mean of A^T A / |g|^2 over the time, by `gramian`.
+            time: t [s].
+        """
+        values, vectors = np.linalg.eigh(gramian)
+        # What rounding makes of 0 is no excitation, however long it lasts.
+        values = np.where(values > _ROUNDING, values, 0.0)
+        with np.errstate(invalid="ignore"):
+            left = np.where(values > 0, np.exp(-self.w * time * values), 1.0)
+        return np.asarray(1 - np.diag((vectors * left) @ vectors.T))
+
+    def rows(self) -> Iterator[tuple[str, str]]:
+        """What it adapts to, and how fast."""
+        low, high = grams(self.low), grams(self.high)
+        what = "a payload" if self.inertia else "the weight of a payload"
+        reach = scaled(self.reach, LENGTH, 3)
+        yield "adapts", f"to {what} of {low} to {high}, its centre within {reach} of the tip"
+        corner, fade = show(self.w / (2 * math.pi), "Hz", 3), scaled(1 / self.w, TIME, 3)
+        yield (
+            "estimate",
+            f"begins with {low}; its errors fall as exp(-t/{fade}), {corner}, and at rest "
+            f"the mass comes within {grams(self.dead_zone / self.g)}, by the "
+            f"dead zone of {scaled(self.dead_zone, FORCE, 3)}",
+        )
+
     def growth(self, delay: int, pole: float) -> float:
         """Spectral radius of the sampled estimate on a stiff contact whose force comes late.
 
@@ -274,3 +311,26 @@ def regressor(a: ca.SX, turning: ca.SX, turned: ca.SX, R: ca.SX) -> ca.SX:
     force = ca.horzcat(-a, -spin @ R)
     moment = ca.horzcat(ca.SX.zeros(3), ca.skew(a) @ R)
     return ca.vertcat(force, moment)
+
+
+def gramian(a: ca.SX, turning: ca.SX, turned: ca.SX, R: ca.SX, rows: list[int], g: float) -> ca.SX:
+    """(4, 4) A^T A / |g|^2 of an instant, of a tip that moves as `regressor` has it.
+
+    Args:
+        a: (3,) acceleration of the tip against free fall.
+        turning, turned: (3,) its angular velocity and acceleration.
+        R: (3, 3) the tool's axes.
+        rows: numbers of the axes that the arm moves among the six of the world.
+        g: |g| [m/s^2].
+    """
+    Y = regressor(a, turning, turned, R)
+    Y = ca.diag(ca.DM(counted(rows))) @ Y[rows, :] @ ca.diag(ca.DM(SCALES))
+    return Y.T @ Y / g**2
+
+
+def described(parameters: Sequence[str]) -> str:
+    """Parameters in words: `mass`, `centre along x and z`."""
+    axes = [name for name in parameters if name in "xyz"]
+    named = " and ".join([", ".join(axes[:-1]), *axes[-1:]] if axes[1:] else axes)
+    centre = [f"centre along {named}"] if axes else []
+    return " and ".join([*(["mass"] if "mass" in parameters else []), *centre])

@@ -36,6 +36,7 @@ import numpy as np
 
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
+from taskspec.text.units import FORCE, STIFFNESS, TIME, scaled
 
 #: What the sums are of: 1, x, x', f times each other, the upper triangle row by row.
 _SUMS = 10
@@ -106,6 +107,16 @@ class ContactStiffness:
         From bound to bound at the bounded rate, and the tick in which it is found.
         """
         return math.log(self.high / self.low) / self.rate + self.period
+
+    @property
+    def words(self) -> str:
+        """What is estimated, of which readings."""
+        low, high, first = (scaled(x, STIFFNESS, 3) for x in (self.low, self.high, self.declared))
+        news = scaled(self.dead_zone, FORCE, 3)
+        return (
+            f"the contact's stiffness from {low} to {high}, begins with {first}; counts changes of "
+            f"the force beyond {news}, forgets in {scaled(self.memory, TIME, 3)}"
+        )
 
     def begun(self, found: ca.SX, deviation: ca.SX, followed: ca.SX) -> dict[str, ca.SX]:
         """The state of an axis whose contact begins.

@@ -19,6 +19,7 @@ from taskspec_runner.pages.chart import (
     Section,
     Trace,
     bands,
+    law_levels,
     levels,
     limit_note,
     of_signals,
@@ -78,7 +79,7 @@ def sections(run: Run) -> tuple[Section, ...]:
     arm.add(_compensated(run))
     for chart in _estimated_velocities(run):
         arm.add(chart)
-    arm.add(_joints(run, "disturbance", (), "", ""))
+    arm.add(_disturbances(run))
     arm.add(_joint_positions(run))
     arm.add(_power(run))
     for chart in _payload(run):
@@ -284,7 +285,16 @@ def _upright(run: Run) -> bool:
 def _errors(run: Run, axes: Sequence[str], title: str) -> Chart | None:
     note = "reference − truth, where an axis follows a motion"
     lines = [Drawn(f"error.{axis}", _ROLES[axis], axis) for axis in axes]
-    return of_signals(run, title.lower(), title, lines, note, always=(0.0,))
+    chart = of_signals(run, title.lower(), title, lines, note, always=(0.0,))
+    if chart is None:
+        return None
+    # One for all axes as a rule: the layer of a law is, and so is the slope of its loops.
+    bounds = dict.fromkeys(
+        level
+        for axis in axes
+        for level in law_levels(run, f"error.{axis}", chart.factor, "bound of the layer", (1, -1))
+    )
+    return replace(chart, levels=(*chart.levels, *bounds))
 
 
 def _velocity(run: Run) -> Chart | None:
@@ -308,6 +318,13 @@ def _power(run: Run) -> Chart | None:
     return of_signals(run, "power", "Power", [Drawn("power", "j3", continuous=True)], note)
 
 
+def _disturbances(run: Run) -> Chart | None:
+    """What moves the arm beside its torques and the measured wrench."""
+    chart = _joints(run, "disturbance", (), "", "")
+    title, note = "Disturbances of the joints", "as the observer estimates them, and takes them off"
+    return chart and replace(chart, title=title, note=note)
+
+
 def _payload(run: Run) -> Iterator[Chart | None]:
     """The payload that laws adapt to."""
     note = "as the controller has it"
@@ -326,7 +343,10 @@ def _estimates(run: Run) -> Chart | None:
         for name, style, said in (("stiffness", "line", ""), ("followed", "reference", ", gains"))
     ]
     note = "dashed: what designed gains are those for"
-    return of_signals(run, "estimate.stiffness", "Estimated stiffness of the contact", lines, note)
+    title = "Estimated stiffness of the contact"
+    chart = of_signals(run, "estimate.stiffness", title, lines, note)
+    # Ten times softer and ten times stiffer are to be read alike.
+    return chart and replace(chart, log=True)
 
 
 #: The energies of a law, and the terms that change what it stores, with their colours.
@@ -358,12 +378,32 @@ def _energies(run: Run) -> Iterator[Chart | None]:
     yield _of_energy(run, "work", "What changes the stored energy", lines, note)
     if run.column("tank.energy") is not None:
         yield _tank(run)
+        yield _let_through(run)
         power = [Drawn("tank.power", "j3", "out of it", continuous=True)]
-        yield of_signals(run, "tank power", "Power out of the energy tank", power)
+        chart = of_signals(run, "tank power", "Power out of the energy tank", power)
+        if chart is not None:
+            bounds = law_levels(run, "tank.power", chart.factor, "most that leaves it")
+            chart = replace(chart, levels=bounds)
+        yield chart
+
+
+def _let_through(run: Run) -> Chart | None:
+    """The shares of springs and of all other terms that energy tanks let through."""
+    lines = (("tank.spring", "springs", "z"), ("tank.share", "other terms", "x"))
+    traces = tuple(
+        Trace(label, 100 * run.columns[name], role, "line", name, True)
+        for name, label, role in lines
+        if run.column(name) is not None
+    )
+    if not traces:
+        return None
+    note = "of what the law commands; 100 % is the law itself"
+    title = "What the energy tank lets through"
+    return Chart("tank shares", title, "%", traces, note, always=(0.0, 100.0), factor=100.0)
 
 
 def _tank(run: Run) -> Chart:
-    """What is in energy tanks, and the power that leaves them: joules and watts are of one size."""
+    """What is in energy tanks, and what they hold at most."""
     energy, power = run.column("tank.energy"), run.column("tank.power")
     refused = run.column("tank.refused")
     assert energy is not None
@@ -371,7 +411,8 @@ def _tank(run: Run) -> Chart:
     share = 0.0 if refused is None else float(np.nanmax(refused, initial=0.0))
     most = 0.0 if power is None else float(np.nanmax(power, initial=0.0))
     note = f"at most {' '.join(quantity(most, 'W'))} left it, and {100 * share:.3g} % was refused"
-    return _of_energy(run, "tank", "In the energy tank", lines, note)
+    chart = _of_energy(run, "tank", "In the energy tank", lines, note)
+    return replace(chart, levels=law_levels(run, "tank.energy", chart.factor, "capacity"))
 
 
 def _of_energy(

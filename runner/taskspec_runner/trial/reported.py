@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from taskspec.expression.tree import Held, Name, Node, walk
+from taskspec.laws.adaptation import described
 from taskspec.program import events
 from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
@@ -27,7 +28,7 @@ from taskspec_runner.trial.moment import Moment
 from taskspec_runner.trial.trial import OPEN, Trial
 from taskspec_runner.verdict.energy import RunEnergies, gain_text
 from taskspec_runner.verdict.judged import Judged
-from taskspec_runner.verdict.payload import described, payload_block, unshown
+from taskspec_runner.verdict.payload import payload_block, unshown
 from taskspec_runner.verdict.run_finding import RunFinding
 from taskspec_runner.verdict.slips import slips
 from taskspec_runner.verdict.tank import refusal

@@ -33,6 +33,7 @@ from taskspec_runner.verdict.energy import energy_block
 from taskspec_runner.verdict.estimated import estimated
 from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judged import Judged
+from taskspec_runner.verdict.law_bounds import law_bounds
 from taskspec_runner.verdict.payload import payload_block
 from taskspec_runner.verdict.performance import performance
 from taskspec_runner.verdict.protected import protected
@@ -147,6 +148,7 @@ def summarise(
         **slip_block(task, history),
         **estimated(program, history),
         **velocity_block(program, history),
+        **law_bounds(program),
         **energy_block(program, history, world.task),
         **performance(program, history, judged, simulated.solver_counts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},
