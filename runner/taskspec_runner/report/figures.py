@@ -76,10 +76,10 @@ def sections(run: Run) -> tuple[Section, ...]:
         motion.add(chart)
     arm.add(_joint_commands(run))
     arm.add(_joint_torques(run))
+    arm.add(_disturbances(run))
     arm.add(_compensated(run))
     for chart in _estimated_velocities(run):
         arm.add(chart)
-    arm.add(_disturbances(run))
     arm.add(_joint_positions(run))
     arm.add(_power(run))
     for chart in _payload(run):
