@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 
 .PHONY: demo test theory proof stability lint types schema validate fuzz corruptions faults kills long lowest bench
 .PHONY: docs docs-shown docs-pages docs-site vscode scene docs-serve steps foreign native exported designs boundaries servo-designs equivalence truth tsid lerobot referee check identify-worlds robosuite cell-presses
-.PHONY: clean bounds energies estimates grips payloads robust layers interface tune-worlds insertion peg-policy
+.PHONY: clean layers sources hunting interface tune-worlds insertion peg-policy
 
 demo: $(READY)  ## run the wiping task and say where its report is
 	$(BIN)/taskspec run tasks/wipe-table.yaml
@@ -15,29 +15,17 @@ demo: $(READY)  ## run the wiping task and say where its report is
 test: $(READY)  ## run all tests
 	$(BIN)/pytest -n 2
 
-theory: $(READY)  ## hold the laws against their theorems, print the table, keep it in docs/theory.md
-	$(BIN)/pytest tests/theory --theory-table=docs/theory.md
-
-bounds: $(READY)  ## 200 random presses under the PID regulator, and the bound of Theorem 4.1 on each
-	$(BIN)/pytest tests/theory/test_theory_bound.py --random-presses=200
-
-energies: $(READY)  ## 200 random motions under PD, 200 presses and 200 stiffnesses that swing, and their energies
-	$(BIN)/pytest tests/theory/test_theory_energies.py tests/theory/test_theory_tank.py --random-presses=200
-
-robust: $(READY)  ## 200 random arms, payloads, frictions and pushes under sliding terms, and the bound of their layers
-	$(BIN)/pytest tests/theory/test_theory_robust.py --random-presses=200
+theory: $(READY)  ## hold the laws against their theorems, 200 random files of each; docs/theory.md
+	$(BIN)/pytest tests/theory --random-presses=200 --theory-table=docs/theory.md
 
 layers: $(READY)  ## what a boundary layer costs: errors and torques over layers; docs/laws/sliding.md
 	$(BIN)/python campaigns/layers.py --page docs/laws/sliding.md
 
-payloads: $(READY)  ## 200 random payloads on random arms under random laws that adapt to them
-	$(BIN)/pytest tests/theory/test_theory_payload.py --random-presses=2000
+sources: $(READY)  ## coarse-encoders by every source of velocities, sticking-joints with friction compensated or not
+	$(BIN)/python campaigns/velocity_sources.py --page docs/laws/output-feedback.md
 
-estimates: $(READY)  ## 200 random presses on contacts that are up to ten times softer or stiffer than declared
-	$(BIN)/pytest tests/theory/test_theory_estimates.py --random-presses=200
-
-grips: $(READY)  ## 200 random parts that a gripper lifts, leans and moves with too little force or enough
-	$(BIN)/pytest tests/theory/test_theory_grip.py --random-presses=200
+hunting: $(READY)  ## 120 random compensations of more friction than there is, which of them hunt, and what TS518 says
+	$(BIN)/python campaigns/hunting.py --seed 7 --files 120 --page docs/laws/output-feedback.md
 
 proof: $(READY)  ## 1000 random tasks with random limits, and how near to them each came
 	$(BIN)/pytest tests/runner/test_runner_qp_random.py --random-tasks=1000

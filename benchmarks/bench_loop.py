@@ -6,6 +6,9 @@ them; the medians over the rounds are printed. `loop` is the processor time of t
 `all` that of the process, with the thread that formats and writes the log.
 
     python benchmarks/bench_loop.py [CASE ...]
+
+A CASE is a part of a case's name; those of the keys beside a law are the last eight, and the same
+stage without its key is measured by other tasks: `closed form` is that of `hybrid`.
 """
 
 from __future__ import annotations
@@ -87,6 +90,14 @@ CASES = (
     Case("positions to a servo", "press-parallel", "slide", SLIDE | BY_POSITION),
     Case("a cylinder's flat end", "wipe-table", "wipe", WIPE | CYLINDER),
     Case("a box's face", "wipe-table", "wipe", WIPE | BOX),
+    Case("energy tank", "energy-tank", "press", PRESS),
+    Case("adapting to a payload", "unknown-payload", "swing", lasts("swing")),
+    Case("stiffness estimated", "press-unknown-pads", "on_soft", lasts("on_soft")),
+    Case("velocity by an observer", "coarse-encoders", "press", PRESS),
+    Case("friction compensated", "sticking-joints", "right", lasts("right")),
+    Case("sliding term", "wipe-sliding", "wipe", WIPE),
+    Case("disturbance observer", "wipe-observer", "wipe", WIPE),
+    Case("body in the jaws, at 4 kHz", "pick-and-screw", "carry", lasts("carry")),
 )
 
 

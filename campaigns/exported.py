@@ -18,6 +18,7 @@ import argparse
 import hashlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -140,8 +141,14 @@ class Exported:
     def library(self) -> ControllerLibrary:
         """A new instance."""
         context = self.program.context
-        joints, equations = context.robot.n, len(context.equations)
-        return ControllerLibrary(self.path, self.controller, joints, equations)
+        task = context.loaded.task
+        return ControllerLibrary(
+            self.path,
+            self.controller,
+            context.robot.n,
+            len(task.reported),
+            grips=bool(task.gripped),
+        )
 
     def run(self, world: World, path: Path, samples: list[Array] | None = None) -> Ran:
         """A run by the C; the samples of its ticks are added to `samples`."""
@@ -173,6 +180,8 @@ class Exported:
                     samples.append(library.sample.copy())
                 state = library.state
                 machine.torque[:], kept[:] = library.command, outputs
+                if machine.grip.used:
+                    np.asarray(machine.grip.command)[:] = library.grip
                 to[t], to[stage] = now[0], library.stage
                 # The tick that breaks a limit belongs to the log.
                 if state == RUNNING or state in (STOPPED, UNKNOWN, UNANSWERED):
@@ -205,6 +214,11 @@ def build(command: Sequence[str], out: Path) -> None:
     subprocess.run([*command, "-o", str(out), "-lm"], check=True)
 
 
+def possible() -> list[tuple[str, Sequence[str]]]:
+    """The builds whose compiler is on this computer."""
+    return [(name, by) for name, by in BUILDS.items() if shutil.which(by[0])]
+
+
 def around(made: Exported, source: Path) -> tuple[str, ...]:
     """Arguments of a compiler for a program around an exported controller."""
     defined = (f"-DNAME={made.controller.name}", f'-DHEADER="{made.header.name}"')
@@ -227,7 +241,8 @@ def replayed(made: Exported, samples: Array) -> bytes:
         if i == 0:
             library.answer(sample[-1], first=True)
         library.answer(sample[-1])
-        found.append(np.append(library.command, [library.state, library.stage]))
+        answer = (library.command, library.grip, [library.state, library.stage])
+        found.append(np.concatenate(answer))
     return np.array(found).tobytes()
 
 
@@ -293,7 +308,7 @@ def row(task: str, ticks: int, folder: Path) -> Row:
             break
     given = np.array(samples)
     answers = replayed(made, given)
-    builds = [name for name, by in BUILDS.items() if answered(made, given, by) != answers]
+    builds = [name for name, by in possible() if answered(made, given, by) != answers]
     times = timed(made, given)
     measured = (made.bytes, made.code, made.seconds, builds, times)
     return Row(task, total, count, differ, dict(ended), *measured)
@@ -329,6 +344,8 @@ def main() -> int:
     given = parser.parse_args()
     shipped = sorted(path.stem for path in (ROOT / "tasks").glob("*.yaml"))
     given.rows.parent.mkdir(parents=True, exist_ok=True)
+    for name in BUILDS.keys() - dict(possible()).keys():
+        say(f"{BUILDS[name][0]} is not installed: the build by {name} is left out")
     done = kept(given.rows)
     for task in given.shipped or [task for task in shipped if task not in done]:
         with tempfile.TemporaryDirectory() as folder:

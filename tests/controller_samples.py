@@ -56,6 +56,26 @@ ROBUST = TOUCH.replace("touch", "touch-robust", 1).replace(
     "disturbance_observer: 10 Hz}\ntruth: {robot.payload: 50 g, robot.joint_friction: 0.02 N*m}\n"
     "stages:",
 )
+#: Grips a loose body, carries it, lets it go, and grips the air where it was.
+GRIP = """\
+taskspec: 1
+name: pick
+robot:
+  model: planar2
+  gripper: {axis: y, stroke: 50 mm, speed: 500 mm/s}
+  start: {xyz: [400 mm, 100 mm, 0]}
+world:
+  table: {shape: plane, xyz: [0, 0, -15 mm], friction: 0.3}
+  block:
+    {shape: box, size: [30 mm, 30 mm, 30 mm], free: true, mass: 200 g, xyz: [400 mm, 100 mm, 0],
+     friction: 0.4}
+stages:
+  grasp: {grip: {object: block, force: 10 N}, until: grip.force > 9 N, within: 0.5 s}
+  carry: {axes: {x: {move: 10 mm}}, fail_if: grip.slip > 1 mm, time: 0.2 s}
+  let_go: {release: block, time: 100 ms}
+expect:
+  - last(carry.grip.load) within 0.2 kg +- 1 %
+"""
 #: The same with params that may be set while it runs, one at a rate and one that jumps.
 LIVE = (
     TOUCH.replace("touch", "touch-live", 1)
@@ -120,6 +140,8 @@ MOVES = (
 def program(name: str) -> Program:
     if name == "live":
         return compile_unchecked(load_text(LIVE, "touch.yaml"))
+    if name == "grip":
+        return compile_unchecked(load_text(GRIP, "pick.yaml"))
     if name == "robust":
         return compile_unchecked(load_text(ROBUST, "touch.yaml"))
     if name == "estimate":
@@ -133,7 +155,10 @@ def program(name: str) -> Program:
 
 @cache
 def recorded(name: str) -> tuple[np.ndarray, np.ndarray, str]:
-    """Samples (ticks, numbers) of a run by the machine, its torques (ticks, n), and its end."""
+    """Samples (ticks, numbers) of a run by the machine, its torques (ticks, n), and its end.
+
+    Of a task that grips a last column is what each jaw is to press with.
+    """
     made = program(name)
     parts = assemble(made)
     machine, plant, period = parts.machine, parts.plant, made.context.period
@@ -152,6 +177,7 @@ def recorded(name: str) -> tuple[np.ndarray, np.ndarray, str]:
         clock = len(samples) * period
         samples.append(np.concatenate([machine.q, machine.v, wrench, reactions, [clock]]))
         machine.tick(clock)
-        torques.append(machine.torque.copy())
+        jaws = machine.grip.command if machine.grip.used else np.zeros(0)
+        torques.append(np.append(machine.torque, jaws))
         plant.step(machine.torque)
     return np.array(samples), np.array(torques), machine.ended

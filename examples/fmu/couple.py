@@ -33,10 +33,11 @@ class Controller:
         """Instantiates it, extracted to a folder."""
         about = read_model_description(path)
         references = {v.name: v.valueReference for v in about.modelVariables}
-        sample = ("position.", "velocity.", "wrench.", "reaction.")
+        sample = ("position.", "velocity.", "wrench.", "reaction.", "gripper.force", "gripper.slip")
         self.inputs = [references[name] for name in references if name.startswith(sample)]
         commands = [name for name in references if name.startswith(("torque.", "command."))]
-        self.commands = [references[name] for name in commands]
+        jaws = [name for name in references if name == "gripper.command"]
+        self.commands, self.grips = [references[name] for name in commands + jaws], len(jaws)
         # torque.JOINT, or command.velocity.JOINT, command.position.JOINT
         quantity = commands[0].removeprefix("command.").partition(".")[0]
         self.quantity = QUANTITIES.index(quantity)
@@ -51,7 +52,10 @@ class Controller:
         self.fmu.instantiate()
 
     def answer(self, sample, start):
-        """(n,) commands for positions, velocities, wrench and reactions, one after the other."""
+        """(n,) commands for positions, velocities, wrench and reactions, one after the other.
+
+        The last one is of the gripper where there is one.
+        """
         if start:
             self.fmu.enterInitializationMode(startTime=0.0)
         self.fmu.setFloat64(self.inputs, sample)
@@ -88,7 +92,7 @@ def main(controller, port):
                 flags, _, n, m, *_ = BODY.unpack_from(body)
                 sample = np.frombuffer(body, "<f8", 2 * n + 6 + m, BODY.size)
                 command = controller.answer(sample, flags & START)
-                head = struct.pack("<HBBI", controller.quantity, n, 0, 0)
+                head = struct.pack("<HBBI", controller.quantity, n, controller.grips, 0)
                 newest, answer = number, head + command.tobytes()
             if kind == STATE:  # one that comes again is answered again
                 link.send(packet(COMMAND, session, number, answer))

@@ -8,6 +8,7 @@
  *
  * link.h has the packets. */
 #include "link.h"
+#include <stddef.h>
 
 #define PASTED(task, part) task##_##part
 #define JOINED(task, part) PASTED(task, part)
@@ -34,7 +35,8 @@ static const char *answered(const struct sample *s, double *command) {
     in.stamp = s->stamp;
     if (s->flags & START) OF(start)(task, &in, &answer);
     else OF(step)(task, &in, &answer);
-    memcpy(command, &answer, N * sizeof *command); /* it begins with what is commanded */
+    /* It begins with what is commanded: the joints, then the gripper where the task grips. */
+    memcpy(command, &answer, offsetof(struct OF(output), state));
     /* The plant ends the run where the file does. Where it goes on, the plant gets the reason. */
     return over && answer.state != 0 ? OF(status)(task).text : 0;
 }

@@ -18,11 +18,12 @@ enum { TORQUE, VELOCITY, POSITION }; /* what the joints are commanded */
 
 /* A sample. After the velocities come wrench (6), reactions and extras. */
 struct sample {
-    int flags, joints, reactions, quantity;
+    int flags, joints, reactions, quantity, grips;
     double stamp, values[LONGEST / 8];
 };
 /* Answers a sample with what the joints are commanded, a torque, velocity or position each, as
- * the sample's `quantity` says; 0 to go on, else why it ends the run. */
+ * the sample's `quantity` says, and one number more where it `grips`: what each jaw of the gripper
+ * presses with; 0 to go on, else why it ends the run. */
 typedef const char *controller(const struct sample *s, double *command);
 
 static uint32_t crc32(const unsigned char *data, size_t size) {
@@ -64,14 +65,14 @@ static int quantity_of(unsigned char *welcome, ssize_t size) {
 /* Has a controller drive the plant at a port of this machine, until the plant or it stops.
  * Returns 0 where the plant had the last word. */
 static int drive(const char *name, int port, controller *answer) {
-    static unsigned char in[LONGEST], out[HEAD + 8 + 8 * JOINTS + 4];
+    static unsigned char in[LONGEST], out[HEAD + 8 + 8 * JOINTS + 8 + 4];
     static struct sample s;
     struct sockaddr_in at = {.sin_family = AF_INET};
     struct timeval half = {.tv_usec = 500000};
     struct timespec tenth = {.tv_nsec = 100000000};
     int link = socket(AF_INET, SOCK_DGRAM, 0), kind = 0, silent = 0;
     uint32_t session = 0, number, newest = 0, any = 0;
-    double command[JOINTS];
+    double command[JOINTS + 1] = {0};
     const char *why = 0;
     size_t size = 0;
     at.sin_port = htons((uint16_t)port), at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -88,7 +89,10 @@ static int drive(const char *name, int port, controller *answer) {
         if (silent > (session ? 100 : 600))
             return fprintf(stderr, "%s: no plant answers at port %d\n", name, port), 1;
         kind = got < 0 ? 0 : kind_of(in, got);
-        if (kind == WELCOME) memcpy(&session, in + 8, 4), s.quantity = quantity_of(in, got);
+        if (kind == WELCOME) {
+            memcpy(&session, in + 8, 4), s.quantity = quantity_of(in, got);
+            s.grips = strstr((const char *)in + HEAD, "\"grips\":true") != 0;
+        }
         if (kind != STATE || !session) continue;
         memcpy(&number, in + 12, 4);
         if (!any || number > newest) {
@@ -104,8 +108,10 @@ static int drive(const char *name, int port, controller *answer) {
             } else {
                 memset(out + HEAD, 0, 8);
                 out[HEAD] = (unsigned char)s.quantity, out[HEAD + 2] = (unsigned char)s.joints;
-                memcpy(out + HEAD + 8, command, 8 * (size_t)s.joints);
-                size = seal(out, COMMAND, session, number, 8 + 8 * (size_t)s.joints);
+                size_t body = 8 * (size_t)(s.joints + s.grips);
+                out[HEAD + 3] = (unsigned char)s.grips;
+                memcpy(out + HEAD + 8, command, body);
+                size = seal(out, COMMAND, session, number, 8 + body);
             }
             newest = number, any = 1;
         }

@@ -38,15 +38,18 @@ Directions that it shows fall exponentially while the Gramian, the mean of A_f^T
 window, has an eigenvalue lambda > 0 there: as exp(-lambda w t). At rest that is 1 for the mass and
 for moments across gravity, and 0 for that along it, which no weight shows. So at rest
 
-    |m - m*| <= z / |g| + (|m_0 - m*| - z / |g|) exp(-w tau(t)),
+    |m - m*| <= z / |g| + (|m_0 - m*| - (1 - c) z / |g|) exp(-w tau(t)),
     tau(t) = t - 2 (1 - exp(-F w t)) / (F w) + (1 - exp(-2 F w t)) / (2 F w),
 
-with the dead zone z and the filter's corner at F w: its start costs 1.5 / (F w).
+with the dead zone z and the filter's corner at F w. Its start a = 1 - exp(-F w t) costs 1.5 / (F w)
+of time, tau being the integral of a^2. It shrinks the error before the dead zone, too, which is
+z / a then: c = F / ((F - 1) (2 F - 1)) is the integral of w (a - a^2) exp(w t).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
@@ -56,6 +59,7 @@ from numpy.typing import NDArray
 from taskspec.control import linear
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
+from taskspec.text.units import FORCE, LENGTH, TIME, grams, scaled, show
 
 Matrix = NDArray[np.float64]
 
@@ -63,12 +67,20 @@ Matrix = NDArray[np.float64]
 PARAMETERS = ("mass", "x", "y", "z")
 #: Corner of the low-pass over the bandwidth of the estimate.
 FILTER = 5.0
+#: Of the dead zone's mass, what the start of the low-pass leaves for longer.
+_FIRST = FILTER / ((FILTER - 1) * (2 * FILTER - 1))
 #: The length l: moments over it count as forces, first moments over it as masses [m].
 LEVER = 0.1
 #: A mobility [1/kg, 1/(kg m^2)] that is small beside that of an arm which is not singular.
 _DAMPED = 1e-4
 #: What a parameter is that counts as 1 kg [kg, kg m].
 SCALES = (1.0, LEVER, LEVER, LEVER)
+#: Of a parameter of whose error less than this share is gone, nothing is known.
+SHOWN = 0.5
+#: Forces and moments on the tip that a payload shows in.
+_COMPONENTS = 6
+#: An eigenvalue of a Gramian below this is none.
+_ROUNDING = 1e-12
 #: Below this mass a payload has no centre [kg].
 _LIGHT = 1e-3
 
@@ -210,8 +222,9 @@ class Adaptation:
 
     def bound(self, t: Matrix, error: float) -> Matrix:
         """(k,) bound of an error of the mass at rest [kg], t [s] after it was `error`."""
-        left = self.dead_zone / self.g
-        return np.asarray(left + max(abs(error) - left, 0.0) * np.exp(-self.w * self.elapsed(t)))
+        left, begun = self.dead_zone / self.g, max(abs(error), self.dead_zone / self.g)
+        falling = (begun - (1 - _FIRST) * left) * np.exp(-self.w * self.elapsed(t))
+        return np.minimum(begun, left + falling)
 
     def time_to(self, error: float, start: float) -> float:
         """Time in which an error of the mass [kg] at rest falls to another [s]; inf for never."""
@@ -220,7 +233,59 @@ class Adaptation:
             return 0.0
         if error <= left:
             return math.inf
-        return (math.log((abs(start) - left) / (error - left)) + 1.5 / FILTER) / self.w
+        begun = abs(start) - (1 - _FIRST) * left
+        return (math.log(begun / (error - left)) + 1.5 / FILTER) / self.w
+
+    def shown(self, gramian: Matrix, time: float) -> Matrix:
+        """(4,) the share of an error of each parameter alone that is gone after a time.
+
+        Along an eigenvector of the Gramian with the eigenvalue lambda, exp(-lambda w t) of an error
+        is left: 1 - [exp(-w t G)]_ii.
+
+        Args:
+            gramian: (4, 4) G, the mean of A^T A / |g|^2 over the time, by `gramian`.
+            time: t [s].
+        """
+        values, vectors = np.linalg.eigh(gramian)
+        # What rounding makes of 0 is no excitation, however long it lasts.
+        values = np.where(values > _ROUNDING, values, 0.0)
+        with np.errstate(invalid="ignore"):
+            left = np.where(values > 0, np.exp(-self.w * time * values), 1.0)
+        return np.asarray(1 - np.diag((vectors * left) @ vectors.T))
+
+    def left_by_dead_zone(self, gramian: Matrix, known: Sequence[float]) -> list[float] | None:
+        """What the dead zone z may leave of each parameter [kg, m]; None where it is all of one.
+
+        Where all m components of A theta~ are within z, theta~^T G theta~ <= m (z / |g|)^2, so that
+        of one parameter sqrt(m [G^-1]_ii) z / |g| is left. A first moment over the mass is a
+        centre, which has the mass's own share of it as well. More disturbs more.
+
+        Args:
+            gramian: (4, 4) G, as for `shown`.
+            known: mass [kg] and centre (3) [m] that were estimated.
+        """
+        values, vectors = np.linalg.eigh(gramian)
+        mass, *centre = known
+        if values[0] < _ROUNDING or mass < _LIGHT:
+            return None
+        spread = np.sqrt(_COMPONENTS * np.diag((vectors / values) @ vectors.T))
+        left = (spread * np.array(SCALES) * self.dead_zone / self.g).tolist()
+        own = [(each + abs(c) * left[0]) / mass for c, each in zip(centre, left[1:], strict=True)]
+        return [left[0], *own]
+
+    def rows(self) -> Iterator[tuple[str, str]]:
+        """What it adapts to, and how fast."""
+        low, high = grams(self.low), grams(self.high)
+        what = "a payload" if self.inertia else "the weight of a payload"
+        reach = scaled(self.reach, LENGTH, 3)
+        yield "adapts", f"to {what} of {low} to {high}, its centre within {reach} of the tip"
+        corner, fade = show(self.w / (2 * math.pi), "Hz", 3), scaled(1 / self.w, TIME, 3)
+        yield (
+            "estimate",
+            f"begins with {low}; its errors fall as exp(-t/{fade}), {corner}, and at rest "
+            f"the mass comes within {grams(self.dead_zone / self.g)}, by the "
+            f"dead zone of {scaled(self.dead_zone, FORCE, 3)}",
+        )
 
     def growth(self, delay: int, pole: float) -> float:
         """Spectral radius of the sampled estimate on a stiff contact whose force comes late.
@@ -268,3 +333,26 @@ def regressor(a: ca.SX, turning: ca.SX, turned: ca.SX, R: ca.SX) -> ca.SX:
     force = ca.horzcat(-a, -spin @ R)
     moment = ca.horzcat(ca.SX.zeros(3), ca.skew(a) @ R)
     return ca.vertcat(force, moment)
+
+
+def gramian(a: ca.SX, turning: ca.SX, turned: ca.SX, R: ca.SX, rows: list[int], g: float) -> ca.SX:
+    """(4, 4) A^T A / |g|^2 of an instant, of a tip that moves as `regressor` has it.
+
+    Args:
+        a: (3,) acceleration of the tip against free fall.
+        turning, turned: (3,) its angular velocity and acceleration.
+        R: (3, 3) the tool's axes.
+        rows: numbers of the axes that the arm moves among the six of the world.
+        g: |g| [m/s^2].
+    """
+    Y = regressor(a, turning, turned, R)
+    Y = ca.diag(ca.DM(counted(rows))) @ Y[rows, :] @ ca.diag(ca.DM(SCALES))
+    return Y.T @ Y / g**2
+
+
+def described(parameters: Sequence[str]) -> str:
+    """Parameters in words: `mass`, `centre along x and z`."""
+    axes = [name for name in parameters if name in "xyz"]
+    named = " and ".join([", ".join(axes[:-1]), *axes[-1:]] if axes[1:] else axes)
+    centre = [f"centre along {named}"] if axes else []
+    return " and ".join([*(["mass"] if "mass" in parameters else []), *centre])

@@ -36,13 +36,18 @@ import numpy as np
 
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
+from taskspec.text.units import FORCE, STIFFNESS, TIME, scaled
 
 #: What the sums are of: 1, x, x', f times each other, the upper triangle row by row.
 _SUMS = 10
 #: A standard deviation below this part of the stiffness makes it one that counts.
 DECIDED = 0.25
+#: Numbers that are fitted: stiffness, damping, and the force of no deflection.
+UNKNOWNS = 3
 #: Knots of a design in a decade of stiffness; between them its gains are lines of logarithms.
 _KNOTS = 8
+#: By which share of themselves two knots differ at least.
+_APART = 1e-3
 #: Slopes of two such lines that differ by less are one.
 _ALIKE = 1e-6
 #: Readings of a force that swings after which its stiffness is found, measured in random presses.
@@ -102,6 +107,16 @@ class ContactStiffness:
         From bound to bound at the bounded rate, and the tick in which it is found.
         """
         return math.log(self.high / self.low) / self.rate + self.period
+
+    @property
+    def words(self) -> str:
+        """What is estimated, of which readings."""
+        low, high, first = (scaled(x, STIFFNESS, 3) for x in (self.low, self.high, self.declared))
+        news = scaled(self.dead_zone, FORCE, 3)
+        return (
+            f"the contact's stiffness from {low} to {high}, begins with {first}; counts changes of "
+            f"the force beyond {news}, forgets in {scaled(self.memory, TIME, 3)}"
+        )
 
     def begun(self, found: ca.SX, deviation: ca.SX, followed: ca.SX) -> dict[str, ca.SX]:
         """The state of an axis whose contact begins.
@@ -226,13 +241,20 @@ class Schedule:
 
 
 def knots(low: float, high: float, also: Sequence[float] = ()) -> tuple[float, ...]:
-    """The stiffnesses that a design is made for, both bounds among them [N/m]."""
+    """The stiffnesses that a design is made for, both bounds among them [N/m].
+
+    Args:
+        low, high: the bounds.
+        also: further ones; what lies beyond the bounds is left out.
+    """
     count = max(2, math.ceil(_KNOTS * math.log10(high / low)) + 1)
-    own = [k for k in also if low < k < high]
     between = np.geomspace(low, high, count)[1:-1].tolist()
-    # One of them that is a given one but for rounding is that: no line goes through both.
-    between = [k for k in between if all(abs(math.log(k / each)) > _ALIKE for each in own)]
-    return tuple(sorted({low, high, *between, *own}))
+    found = [low, high]
+    # Two that lie side by side would have a line between them whose slope is rounding.
+    for k in (*(each for each in also if low < each < high), *between):
+        if not any(math.isclose(k, other, rel_tol=_APART) for other in found):
+            found.append(k)
+    return tuple(sorted(found))
 
 
 def schedules(

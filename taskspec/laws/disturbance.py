@@ -29,7 +29,8 @@ late leaves a part w tau / (w tau + 1) of it in the estimate at most, w = 2 pi f
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -38,6 +39,7 @@ from numpy.typing import NDArray
 
 from taskspec.control import linear
 from taskspec.deferred_methods import dataclass
+from taskspec.text.units import TIME, scaled, show
 
 if TYPE_CHECKING:
     from taskspec.laws.case import Case
@@ -66,19 +68,75 @@ class ObservedDisturbance:
     memory: Mapping[str, ca.SX]
 
 
+@dataclass(frozen=True, slots=True)
+class MomentumObserver:
+    """The observer of a stage.
+
+    Attributes:
+        bandwidth: f_o [Hz].
+        period: T [s].
+        most: (n,) what is taken off joints at most [N m, N].
+        turns: of each joint, whether it turns.
+    """
+
+    bandwidth: float
+    period: float
+    most: tuple[float, ...]
+    turns: tuple[bool, ...]
+
+    @staticmethod
+    def limits(given: Sequence[float] | None, limits: NDArray[np.float64]) -> tuple[float, ...]:
+        """(n,) the most that is taken off joints [N m, N].
+
+        Args:
+            given: by the file, one for all joints or one for each; None for a quarter of `limits`.
+            limits: (n,) what joints can exert [N m, N].
+        """
+        most = _SHARE * limits if given is None else np.broadcast_to(given, limits.shape)
+        return tuple(most.tolist())
+
+    @property
+    def pole(self) -> float:
+        """b."""
+        return math.exp(-2 * math.pi * self.bandwidth * self.period)
+
+    def rows(self) -> Iterator[tuple[str, str]]:
+        """What it follows, and what it takes off."""
+        lag = scaled(1 / (2 * math.pi * self.bandwidth), TIME, 3)
+        shown = [
+            show(each, "N*m" if turns else "N", 3)
+            for each, turns in zip(self.most, self.turns, strict=True)
+        ]
+        groups = [[i for i, _ in each] for _, each in groupby(enumerate(shown, 1), _text)]
+        joints = [
+            f"{shown[i - 1]} of joint{f's {i} to {j}' if j > i else f' {i}'}"
+            for i, *_, j in ([*each, each[-1]] for each in groups)
+        ]
+        taken = f"{shown[0]} of each joint" if len(groups) == 1 else ", ".join(joints)
+        yield (
+            "observes",
+            f"disturbances up to {show(self.bandwidth, 'Hz', 3)}, {lag} behind them; takes off at "
+            f"most {taken}, and nothing along force axes",
+        )
+
+
+def _text(numbered: tuple[int, str]) -> str:
+    return numbered[1]
+
+
 def observe(
-    case: Case, pole: float, most: ca.DM, *, applied: ca.SX, begins: ca.SX
+    case: Case, observer: MomentumObserver, *, applied: ca.SX, begins: ca.SX
 ) -> ObservedDisturbance:
     """One tick; `case` remembers `ESTIMATE`, `VELOCITY` and `BIAS`.
 
     Args:
         case: the stage, with its bias.
-        pole: b.
-        most: (n,) bounds of what is taken off [N m, N].
+        observer: of the stage.
         applied: (n,) u[k-1] [N m, N].
         begins: whether the stage has its first tick, which has none before it.
     """
-    state, v, n = case.state, case.joint_velocity, len(most.nz)
+    pole, most = observer.pole, ca.DM(observer.most)
+    state, v, n = case.state, case.joint_velocity, len(observer.most)
     d, before, bias = (case.remembered(name, n) for name in (ESTIMATE, VELOCITY, BIAS))
     H = state.H_factor @ state.H_factor.T
     residual = H @ (v - before) / case.period + bias - applied - state.J.T @ state.f
@@ -90,21 +148,6 @@ def observe(
         moved[forced] = (state.J @ linear.solve(state.H_factor, taken))[forced]
         taken = taken - state.J.T @ linear.solve(linear.cholesky(state.mobility), moved)
     return ObservedDisturbance(d, -taken, {ESTIMATE: d, VELOCITY: v, BIAS: case.bias})
-
-
-def pole(bandwidth: float, period: float) -> float:
-    """b of a bandwidth [Hz] and T [s]."""
-    return math.exp(-2 * math.pi * bandwidth * period)
-
-
-def most(given: Sequence[float] | None, limits: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n,) the most that is taken off joints [N m, N].
-
-    Args:
-        given: by the file, one for all joints or one for each; None for a quarter of the limits.
-        limits: (n,) what joints can exert [N m, N].
-    """
-    return _SHARE * limits if given is None else np.broadcast_to(given, limits.shape)
 
 
 def largest_step(late: int) -> float:

@@ -30,11 +30,13 @@ tau / kappa without compensation.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from taskspec.control.resolution import resolved
 from taskspec.deferred import ca
 from taskspec.deferred_methods import dataclass
+from taskspec.text.units import TIME, scaled, show
 
 if TYPE_CHECKING:
     from taskspec.laws.case import Case
@@ -62,6 +64,20 @@ class Compensation:
         wanted = (rate + error / self.time) / self.width
         sign = wanted / ca.sqrt(1 + wanted * wanted)
         return ca.DM(self.coulomb) * sign + ca.DM(self.viscous) * rate
+
+    def rows(self) -> Iterator[tuple[str, str]]:
+        """What is compensated, and how."""
+        most = " to ".join(
+            show(x, "N*m", 3) for x in sorted({min(self.coulomb), max(self.coulomb)})
+        )
+        damped = max(self.viscous)
+        viscous = f" and damping of {show(damped, 'N*m*s/rad', 3)}" if damped else ""
+        width, time = show(self.width, "mrad/s", 3), scaled(self.time, TIME, 3)
+        yield (
+            "friction",
+            f"compensates {most}{viscous} of each joint: most of it from {width} of the reference "
+            f"on, which would take an error away in {time}",
+        )
 
     def stiffness(self, joint: int) -> float:
         """Of the spring about the reference that the sign is [N m/rad, N/m]."""

@@ -27,12 +27,14 @@ law's poles where they are, and d = 0.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 
 import casadi as ca
 
 from taskspec.control import linear
 from taskspec.deferred_methods import dataclass
 from taskspec.spec.joint_velocity import VelocitySource
+from taskspec.text.units import TIME, scaled, show
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,26 @@ class VelocityEstimate:
         corner = velocity.corner
         pole = 0.0 if corner is None else math.exp(-2 * math.pi * corner * period)
         return VelocityEstimate(pole, period, velocity.observer is not None)
+
+    def rows(self, lines: Sequence[float] = ()) -> Iterator[tuple[str, str]]:
+        """How velocities are estimated, and by how much they are off.
+
+        Args:
+            lines: of encoders, from one to the next, of each joint or one for all [rad, m].
+        """
+        how = "filtered differences" if self.pole else "differences"
+        how = "an observer with the arm's model" if self.modelled else how
+        corner = -math.log(self.pole) / (2 * math.pi * self.period) if self.pole else None
+        at = "" if corner is None else f", corner at {show(corner, 'Hz', 3)}"
+        lag = scaled(self.of_acceleration, TIME, 3)
+        lacks = "an acceleration that the model lacks" if self.modelled else "what accelerates"
+        yield "velocity", f"of positions, by {how}{at}; {lag} behind {lacks}"
+        off = sorted({self.of_position * each / 2 for each in lines if each})
+        if off:
+            said = " to ".join(show(x, "mrad/s", 3) for x in dict.fromkeys([off[0], off[-1]]))
+            ends = dict.fromkeys([min(lines), max(lines)])
+            between = " to ".join(show(x, "mrad", 3) for x in ends)
+            yield "noise", f"lines of encoders, {between} apart, make it up to {said} off"
 
     @property
     def position(self) -> float:
@@ -103,7 +125,8 @@ class VelocityEstimate:
         """By how much v lags in the end where the model lacks an acceleration of 1 rad/s^2 [s].
 
         T (1 + b) / (2 (1 - b)) of a filter, near 1/w, T/2 of plain differences;
-        T (1 + 3 z) / (2 (1 - z)) of an observer, near 2/w.
+        T (1 + 3 z) / (2 (1 - z)) of an observer, near 2/w. The response to an acceleration has one
+        sign, so it is also the most by which v lags where up to 1 rad/s^2 is not known.
         """
         behind = 3 if self.modelled else 1
         return self.period * (1 + behind * self.pole) / (2 * (1 - self.pole))

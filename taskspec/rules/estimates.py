@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from taskspec.laws.contact_stiffness import UNKNOWNS
 from taskspec.program.plan import StagePlan
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import FILE, below
 from taskspec.stability.gain_paths import law_path
-from taskspec.text.units import STIFFNESS, scaled
+from taskspec.text.units import STIFFNESS, scaled, show
 
 
 @rule(
@@ -32,6 +33,17 @@ def stiffness_estimates(stage: StagePlan) -> Iterator[Finding]:
         text += f"{names} are given"
         hint = f"leave one of them out, or the estimate; {names} would follow"
         yield error("TS139", text, place, hint, unless=("TS139",))
+        return
+    if forces and estimate.memory < UNKNOWNS * stage.context.period:
+        remembered, period = (show(t, "ms", 2) for t in (estimate.memory, stage.context.period))
+        yield error(
+            "TS348",
+            f"a memory of {remembered} holds fewer readings, one each {period}, than the "
+            f"{UNKNOWNS} numbers that are estimated of them",
+            below(place, "memory"),
+            "tens of periods and more, such as 200 ms",
+            unless=("TS348",),
+        )
         return
     for axis in estimates.named:
         where = FILE.stages[stage.name].axes[axis].force

@@ -5,10 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-import casadi as ca
-import numpy as np
-
-from taskspec.control.state import task_state
 from taskspec.geometry.axis import Axis
 from taskspec.laws import disturbance, sliding
 from taskspec.laws.gains import SLIDING_GAIN, SLIDING_LAYER, value_of
@@ -17,6 +13,7 @@ from taskspec.program.sensor import SensorModel
 from taskspec.rules import Finding, Phase, error, rule, warning
 from taskspec.spec import KeyPath, key_of
 from taskspec.stability.gain_paths import gain_path, law_path
+from taskspec.statics.sliding_layer import sliding_layers
 from taskspec.text.units import FREQUENCY, TIME, number, scaled, show
 
 #: From here on s grows from tick to tick.
@@ -47,6 +44,7 @@ def fitting_keys(stage: StagePlan) -> Iterator[Finding]:
                 where,
                 "one value for all joints, or one for each",
                 unless=("TS414",),
+                stops=True,
             )
     if slides is None or stage.joint_path is not None:
         return
@@ -81,55 +79,21 @@ def fitting_keys(stage: StagePlan) -> Iterator[Finding]:
 )
 def layers(stage: StagePlan) -> Iterator[Finding]:
     """The conditions of a sliding term: K reaches the layer, and no tick leaps over it."""
-    slides, context = stage.law.sliding, stage.context
-    axes = sliding.sliding_axes(stage.gains)
-    if slides is None or stage.joint_path is not None or not axes:
-        return
-    wanted, left = _reach(stage)
-    if left <= 0:
-        yield error(
-            "TS352",
-            f"no switching gain holds against these bounds in stage {stage.name!r}: what it "
-            f"commands would add {number(1 - left, 3)} of itself to what is not known",
-            key_of(law_path(context, stage.name).sliding),
-            "state a smaller payload or uncertainty",
-            unless=("TS352",),
-        )
-        return
-    for axis in axes:
-        least = wanted[axis]
-        K = value_of(stage.gains, SLIDING_GAIN.name, axis) or least
-        if least > K:
-            yield _short(stage, axis, K, least)
-        steps = sliding.steps(stage.gains, axis, K, context.period)
-        if steps > 1:
-            yield _thin(stage, axis, K, steps)
-
-
-def _reach(stage: StagePlan) -> tuple[dict[Axis, float], float]:
-    """The least gains by axis, at rest at the start, and what `laws.sliding.Reach` has left."""
-    context, slides, n = stage.context, stage.law.sliding, stage.context.robot.n
-    assert slides is not None
-    state = task_state(
-        axes=stage.axes,
-        H=ca.SX(context.start_inertia),
-        J=ca.SX(stage.kinematics.jacobian),
-        drift=ca.SX.zeros(6),
-        twist=ca.SX.zeros(6),
-        wrench=ca.SX.zeros(6),
-        R=ca.SX.eye(3),
-        R_rate=ca.SX.zeros(3, 3),
-    )
-    found = sliding.reach(
-        state,
-        slides.bounds,
-        sliding.sliding_axes(stage.gains),
-        acceleration=ca.SX.zeros(len(stage.axes)),
-        bias=ca.SX(context.start_gravity),
-        posture=ca.SX.zeros(n),
-    )
-    K = np.array(ca.evalf(found.gains(state))).ravel()
-    return dict(zip(stage.axes, map(float, K), strict=True)), float(ca.evalf(found.left))
+    for each in sliding_layers(stage):
+        if each.left <= 0:
+            yield error(
+                "TS352",
+                f"no switching gain holds against these bounds in stage {stage.name!r}: what it "
+                f"commands would add {number(1 - each.left, 3)} of itself to what is not known",
+                key_of(law_path(stage.context, stage.name).sliding),
+                "state a smaller payload or uncertainty",
+                unless=("TS352",),
+            )
+            return
+        if each.least > each.gain:
+            yield _short(stage, each.axis, each.gain, each.least)
+        if each.taken > 1:
+            yield _thin(stage, each.axis, each.gain, each.taken)
 
 
 def _short(stage: StagePlan, axis: Axis, K: float, least: float) -> Finding:
@@ -166,12 +130,12 @@ def _thin(stage: StagePlan, axis: Axis, K: float, steps: float) -> Finding:
 )
 def quick_observers(stage: StagePlan) -> Iterator[Finding]:
     """Bandwidths of observers, against a lighter arm with late torques, and against the sensor."""
-    observer, context = stage.law.disturbance_observer, stage.context
+    observer, context = stage.observer, stage.context
     if observer is None:
         return
     place = _bandwidth_of(stage)
     T, f = context.period, observer.bandwidth
-    step, largest = 1 - disturbance.pole(f, T), disturbance.largest_step(_LATE)
+    step, largest = 1 - observer.pole, disturbance.largest_step(_LATE)
     if _LIGHTER * step > largest:
         most = -math.log(1 - largest / _LIGHTER) / (2 * math.pi * T)
         yield warning(

@@ -49,7 +49,7 @@ class Released(FieldType):
     def read(self, value: object, context: ParseContext) -> str:
         """Its name; `ALL` for whatever is held."""
         if isinstance(value, TruthValue):
-            if not value:
+            if not value.value:
                 hint = "leave 'release' out where nothing is let go"
                 context.error("TS022", "'release: false' says nothing", span_of(value), hint)
             return ALL

@@ -302,11 +302,11 @@ class Robot(Model):
         posture: joint positions that a redundant arm stays near [rad or m]; None for the start.
         balanced: a counterweight carries the arm's gravity.
         joint_damping: of the plant's joints [N*m*s/rad]: one for all, or one for each. The
-            controller does not know of it.
+            controller knows of it what `control.friction` has it compensate.
         joint_friction: Coulomb's, of the plant's joints [N*m]: one for all, or one for each. The
-            controller does not know of it.
+            controller knows of it what `control.friction` has it compensate.
         payload: what the plant's tool carries in addition; under `truth` and `vary` alone, for the
-            controller does not know of it. None for nothing.
+            controller knows of it what laws adapt to. None for nothing.
         grasp: the handle or loose body that it holds from the start; None for nothing.
         gripper: the jaws at the tool tip, which stages close and open.
         encoder: what measures the joints; None for exact readings.

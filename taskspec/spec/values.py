@@ -51,7 +51,7 @@ def parsed(value: object, start: Start, context: ParseContext, needed: str) -> N
     """
     if not isinstance(value, Text | Whole | Real):
         message = f"{needed} is needed here, this is {kind_of(value)}"
-        context.error("TS022", message, span_of(value), _kind_hint(value))
+        context.error("TS022", message, span_of(value), _kind_hint(value, start))
         return None
     if not isinstance(value, Text):
         # A YAML number may be written as `.5`, which is no number of the expression language.
@@ -202,7 +202,9 @@ def _lookup(name: Name, context: ParseContext) -> float:
     return context.params[word].value if word in context.params else CONSTANTS[word][0]
 
 
-def _kind_hint(value: object) -> str:
+def _kind_hint(value: object, start: Start) -> str:
+    if start == "uncertain":
+        return "such as 5..20 N, or 12 N +- 10 %"
     if kind_of(value) == "true or false":
         return "a word in an expression is a name; true and false are not"
     return ""

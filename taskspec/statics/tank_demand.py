@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,8 +13,10 @@ from taskspec.laws.gains import value_of
 from taskspec.program.kept_forces import before
 from taskspec.program.plan import StagePlan
 from taskspec.program.trajectory import Course
-from taskspec.program.world.stiffness import mass_along
+from taskspec.program.world.stiffness import inertia_about, mass_along
 from taskspec.spec import Task
+from taskspec.spec.tank import Tank
+from taskspec.text.units import POWER, VELOCITY, joules, scaled
 
 Vector = NDArray[np.float64]
 
@@ -36,14 +40,24 @@ class FirstContact:
     speed: float
     power: float
 
+    def rows(self) -> Iterator[tuple[str, str]]:
+        """It in words."""
+        speed, power = scaled(self.speed, VELOCITY, 3), scaled(self.power, POWER, 3)
+        yield (
+            "first contact",
+            f"from rest along {self.axis} with at most {speed}; {self.contact} takes at most "
+            f"{power} of it",
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class TankDemand:
     """What a stage takes from its tank.
 
     Attributes:
+        tank: of its law.
         moving: the most that moves the arm, 1/2 m v^2, and stretches springs that dampers drag
-            behind, 1/2 (d v)^2 / k [J].
+            behind, 1/2 (d v)^2 / k, along axes and about them [J].
         pressing: into what it presses on, 1/2 f^2 / k_e, and springs that a force stretches [J].
         rubbing: by friction, mu f s [J].
         power: the most that its reference takes, m v a + d v^2 + mu f v [W].
@@ -51,6 +65,7 @@ class TankDemand:
         continues: whether that is what a stage before has left.
     """
 
+    tank: Tank
     moving: float
     pressing: float
     rubbing: float
@@ -63,6 +78,19 @@ class TankDemand:
         """All of it [J]."""
         return self.moving + self.pressing + self.rubbing
 
+    def rows(self) -> Iterator[tuple[str, str]]:
+        """What the tank holds, lets out, and what the stage takes of it."""
+        begins = (
+            f"begins with what the stage before has left, at most {joules(self.there)}"
+            if self.continues
+            else f"begins with {joules(self.there)}"
+        )
+        power = self.tank.power
+        lets = "" if power is None else f"; at most {scaled(power, POWER, 3)} leave it"
+        yield "tank", f"holds {joules(self.tank.energy)}, {begins}{lets}"
+        if self.energy > 0:
+            yield "takes of it", f"about {joules(self.energy)}"
+
 
 def tank_demand(stage: StagePlan) -> TankDemand | None:
     """The demand of a stage; None without a tank."""
@@ -72,6 +100,7 @@ def tank_demand(stage: StagePlan) -> TankDemand | None:
     moving, way, power = _motion(stage)
     rub, goes_on = _friction(stage), continues(stage.context.loaded.task, stage.name)
     return TankDemand(
+        tank,
         moving,
         _pressing(stage),
         rub * float(np.sum(way)),
@@ -126,7 +155,8 @@ def _motion(stage: StagePlan) -> tuple[float, Vector, Vector]:
     energy, power = np.zeros(_SAMPLES - 1), np.zeros(_SAMPLES - 1)
     for axis, v in velocity.items():
         along = stage.nominal.rotation[:, axis.column]
-        mass = mass_along(stage.context.robot, stage.context.start, along)
+        moved = inertia_about if axis.is_rotation else mass_along
+        mass = moved(stage.context.robot, stage.context.start, along)
         gains = {n: value_of(stage.gains, n, axis) for n in ("damping", "stiffness")}
         drag = stage.law.control_law.drag(gains) or 0.0
         energy += mass * v**2 / 2
@@ -134,17 +164,18 @@ def _motion(stage: StagePlan) -> tuple[float, Vector, Vector]:
             energy += (drag * v) ** 2 / gains["stiffness"] / 2
         # A tank pays for what leads the arm against a damper at rest, which gives that back to it.
         power += mass * v * np.gradient(v, step) + gains["damping"] * v**2
-    way = step * np.sqrt(sum((v**2 for v in velocity.values()), np.zeros(_SAMPLES - 1)))
+    lengths = (v for axis, v in velocity.items() if not axis.is_rotation)
+    way = step * np.sqrt(sum((v**2 for v in lengths), np.zeros(_SAMPLES - 1)))
     return float(np.max(energy)), way, power
 
 
 def _velocities(stage: StagePlan, course: Course) -> dict[Axis, Vector]:
-    """(steps,) of each translation that is planned [m/s]."""
+    """(steps,) of each axis whose motion is planned [m/s, rad/s]."""
     times = np.linspace(0.0, course.duration, _SAMPLES).tolist()
     found = {}
     for axis, displacement in course.displacements.items():
         moved = np.array([displacement(t) for t in times])
-        if not axis.is_rotation and np.isfinite(moved).all():
+        if np.isfinite(moved).all():
             found[axis] = np.diff(moved) / _step(stage)
     return found
 

@@ -474,6 +474,11 @@ def joules(value: float, digits: int = 3) -> str:
     return show(value, "J" if abs(value) >= _JOULE else "mJ", digits)
 
 
+def grams(value: float, digits: int = 3) -> str:
+    """A mass [kg] as people say that of a load: `grams(0.04)` = "40 g"."""
+    return show(value, "g" if abs(value) < 1 else "kg", digits)
+
+
 def suited(size: float, dimension: Dimension) -> str:
     """The unit that suits the size of a quantity [SI]; empty for plain numbers."""
     steps = measure_of(dimension).sized

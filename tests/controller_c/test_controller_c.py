@@ -72,8 +72,9 @@ def driven(built):
     def answers(name: str, samples: np.ndarray) -> np.ndarray:
         done = subprocess.run([built(name)], input=samples.tobytes(), capture_output=True)
         assert done.returncode == 0, done.stderr.decode()
-        joints = program(name).context.robot.n
-        return np.frombuffer(done.stdout).reshape(-1, joints + 2)
+        made = program(name).context
+        doubles = made.robot.n + bool(made.loaded.task.gripped)
+        return np.frombuffer(done.stdout).reshape(-1, doubles + 2)
 
     return answers
 
@@ -87,6 +88,19 @@ def test_torques_are_those_of_the_machine_to_the_bit(name, driven) -> None:
     assert ended == "end"
     assert set(found[:-1, -2]) == {RUNNING}
     assert found[-1, -2] == DONE
+
+
+def test_the_jaws_are_commanded_what_the_machine_commands(driven) -> None:
+    samples, commands, ended = recorded("grip")
+    assert ended == "end"
+    assert set(commands[:, -1]) == {0.0, 10.0}
+    assert (commands[0, -1], commands[-1, -1]) == (10.0, 0.0)
+    found = driven("grip", samples)
+    assert found[:, :-2].tobytes() == commands.tobytes()
+    header = controller_of(program("grip")).header
+    assert "double grip; /* what each jaw of the gripper is to press with [N]" in header
+    assert "0: what each jaw of the gripper presses with [N], 0 with nothing in it" in header
+    assert "double grip" not in controller_of(program("ring")).header
 
 
 def test_a_sliding_term_and_an_observer_are_those_of_the_machine(driven) -> None:
@@ -342,6 +356,7 @@ def test_what_cannot_be_exported_is_said(tmp_path, monkeypatch) -> None:
     for arguments, text in (
         ([task, "--c", "file"], "file cannot be written to: it is a file"),
         ([task, "--c", "c", "--csv"], "--csv is of the log of a run"),
+        ([task, "--c", "c", "--fmi", "2"], "it is of an FMU; name one: --fmu PATH"),
         ([task, "out.csv", "--c", "c"], "out.csv is of the log of a run"),
         ([".", "--c", "c"], "--c takes a task file, and . is a folder"),
         ([".", "--csv", "--set", "a=1"], "--set is of a task file"),

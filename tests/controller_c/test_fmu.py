@@ -143,6 +143,31 @@ def test_a_run_on_the_fmu_has_the_bytes_of_any_other(fmi, fmus, program, tmp_pat
     assert logs[0] == logs[1]
 
 
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_gripper_is_commanded_and_reports(fmi, tmp_path) -> None:
+    """Its command is an output, its reports are inputs; the run has the bytes of any other."""
+    from fmpy.validation import validate_fmu
+
+    grips, path = sample_program("grip"), tmp_path / "pick.fmu"
+    made = exported.fmu_of(grips, fmi)
+    path.write_bytes(made.to_bytes(made.binary()))
+    assert validate_fmu(str(path)) == []
+    found = {v.name: v for v in fmpy.read_model_description(path, validate=True).modelVariables}
+    kinds = {name: (v.causality, v.unit) for name, v in found.items() if "gripper" in name}
+    assert kinds == {
+        "gripper.force": ("input", "N"),
+        "gripper.slip": ("input", "m"),
+        "gripper.command": ("output", "N"),
+    }
+    runs = [
+        execute_program(grips, tmp_path / name, report=False, link=link)
+        for name, link in (("plain", None), ("driven", InFmu(path, grips)))
+    ]
+    assert runs[0].history.columns["grip.load"].max() == pytest.approx(0.2)
+    logs = [(run.folder / "log.arrow").read_bytes() for run in runs]
+    assert logs[0] == logs[1]
+
+
 def test_a_state_goes_back_to_what_it_was(instance) -> None:
     instance.initialize()
     instance.step(0, 5)

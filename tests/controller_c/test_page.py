@@ -12,14 +12,17 @@ from pathlib import Path
 
 import pytest
 
-from controller_samples import TOUCH
+from controller_samples import GRIP, TOUCH
 from taskspec_runner.runs import Run
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.skipif(not (shutil.which("cc") and shutil.which("bash")), reason="needs a C compiler")
-def test_the_commands_of_the_page(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("task", "last"), [(TOUCH.replace("touch", "wipe-table", 1), "hold"), (GRIP, "let_go")]
+)
+def test_the_commands_of_the_page(task: str, last: str, tmp_path: Path) -> None:
     """By library, by UDP and by the file itself: the log has the same bytes."""
     page = (ROOT / "docs" / "c.md").read_text(encoding="utf-8")
     commands = re.findall(r"^```sh\n(.*?)^```", page, re.M | re.S)
@@ -27,7 +30,9 @@ def test_the_commands_of_the_page(tmp_path: Path) -> None:
     assert page.count("taskspec run tasks/wipe-table.yaml`") == 1
     for name in ("tasks", "bin", "examples"):
         (tmp_path / name).mkdir()
-    (tmp_path / "tasks" / "wipe-table.yaml").write_text(TOUCH.replace("touch", "wipe-table", 1))
+    (tmp_path / "tasks" / "wipe-table.yaml").write_text(
+        task.replace("name: pick", "name: wipe-table")
+    )
     (tmp_path / "examples" / "plant").symlink_to(ROOT / "examples" / "plant")
     shim = tmp_path / "bin" / "taskspec"
     shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m taskspec_runner "$@"\n')
@@ -48,7 +53,7 @@ def test_the_commands_of_the_page(tmp_path: Path) -> None:
         timeout=300,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "the controller says: state 1 in stage 'hold'" in done.stdout
+    assert f"the controller says: state 1 in stage {last!r}" in done.stdout
     runs = [Run.load(tmp_path / "runs" / name) for name in ("wipe-table", "wipe-table-2")]
     assert [run.verdict for run in runs] == ["passed", "passed"]
     assert [run.summary["link"]["name"] for run in runs] == ["wipe_table.so", "exported.c"]

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from meeting import ROOT, TOUCH, Serving, drive, drive_at, log_bytes, program_of, shipped, spoilt
 
+from controller_samples import GRIP
 from taskspec_runner.controller_c.fmu import NoBinaryError, fmu_of
 from taskspec_runner.errors import LinkError
 from taskspec_runner.link import packets
@@ -92,10 +93,11 @@ def test_both_clients_are_one_law(tmp_path: Path) -> None:
     assert np.abs(forces[0][:n] - forces[1][:n]).max() < 1e-3
 
 
-def test_fmpy_couples_the_fmu_of_a_task_to_its_plant(tmp_path: Path) -> None:
-    """Its torques are the machine's to the bit: so are the bytes of the log."""
+@pytest.mark.parametrize(("task", "last"), [("wipe-table", "retreat"), (GRIP, "let_go")])
+def test_fmpy_couples_the_fmu_of_a_task_to_its_plant(task: str, last: str, tmp_path: Path) -> None:
+    """Its commands are the machine's to the bit: so are the bytes of the log."""
     pytest.importorskip("fmpy")
-    program, path = program_of("wipe-table"), tmp_path / "wipe_table.fmu"
+    program, path = program_of(task), tmp_path / "made.fmu"
     made = fmu_of(program)
     try:
         path.write_bytes(made.to_bytes(made.binary()))
@@ -103,13 +105,13 @@ def test_fmpy_couples_the_fmu_of_a_task_to_its_plant(tmp_path: Path) -> None:
         pytest.skip(str(error))
     plain = execute_program(program, tmp_path / "plain", report=False)
     options = ServerOptions(wait=60.0, answer=30.0)
-    with Serving("wipe-table", tmp_path / "run", options) as serving:
+    with Serving(task, tmp_path / "run", options) as serving:
         couple = [sys.executable, str(ROOT / "examples" / "fmu" / "couple.py"), str(path)]
         done = subprocess.run(
             [*couple, str(serving.port)], capture_output=True, text=True, timeout=120, check=True
         )
         run = serving.run
-    assert "stage 'retreat' led to end" in done.stdout
+    assert f"stage {last!r} led to end" in done.stdout
     assert run.summary["link"]["name"] == "couple.py"
     assert log_bytes(run) == log_bytes(plain)
 

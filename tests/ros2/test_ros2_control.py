@@ -24,11 +24,13 @@ from taskspec_runner.ros2_control.package import RosPackage, package_of
 HERE = Path(__file__).resolve().parent
 STUBS = HERE / "stubs"
 WARNED = ("-std=c++17", "-Wall", "-Wextra", "-Werror", f"-I{STUBS}")
-#: Contact alone, as it is in the world; a sensor whose zero is learned; reactions of an equation.
+#: Contact alone, as it is in the world; a sensor whose zero is learned; reactions of an equation;
+#: a gripper, whose command is the last interface.
 RUNS = {
     "wipe-table": ["wrench_in_world=b:true", "sensor=s:wrist"],
     "unknown-normal": [],
     "linkage-in-joints": ["wrench_in_world=b:true"],
+    "grip": ["wrench_in_world=b:true"],
 }
 #: Packages of ROS that the CMakeLists.txt finds, with targets of their own or without.
 PACKAGES = (
@@ -108,7 +110,9 @@ def driven(built, drive):
         done = subprocess.run(
             [drive, built(name), wanted, *given], input=records.tobytes(), capture_output=True
         )
-        answered = np.frombuffer(done.stdout).reshape(-1, program(name).context.robot.n + 1)
+        made = program(name).context
+        commands = made.robot.n + bool(made.loaded.task.gripped)
+        answered = np.frombuffer(done.stdout).reshape(-1, commands + 1)
         return answered, done.stderr.decode(), done.returncode
 
     return answers
@@ -118,7 +122,8 @@ def driven(built, drive):
 def records(name: str) -> np.ndarray:
     """What a run of a task measures, as records of the driver."""
     samples, _, _ = recorded(name)
-    values = 2 * program(name).context.robot.n + 6 + len(program(name).context.equations)
+    made = program(name).context
+    values = 2 * made.robot.n + 6 + len(made.loaded.task.reported)
     nanoseconds = np.rint(samples[:, -1] * 1e9) + 12_345_678_901
     return np.column_stack([np.full(len(samples), NOTHING), nanoseconds, samples[:, :values]])
 
@@ -127,7 +132,7 @@ def records(name: str) -> np.ndarray:
 def test_efforts_are_the_torques_of_the_run_to_the_bit(name, driven) -> None:
     _, torques, ended = recorded(name)
     assert ended == "end"
-    assert len(torques) > 1000
+    assert len(torques) > 500
     found, said, code = driven(name, records(name), *RUNS[name])
     assert code == 0, said
     assert set(found[:, 0]) == {OK}
@@ -137,6 +142,24 @@ def test_efforts_are_the_torques_of_the_run_to_the_bit(name, driven) -> None:
     assert re.search(r"~/status: 0 .* state=done stage=\S+ event=\S+ ticks=\d+ lost=0", said)
     assert "info: done in stage" in said
     assert "allocations: 0\n" in said
+
+
+def test_a_gripper_has_interfaces_and_holds_on_after_a_deactivation(driven) -> None:
+    _, commands, _ = recorded("grip")
+    some = records("grip")[: len(commands) // 2]
+    given = [*RUNS["grip"], "gripper=s:hand/force", "prefix=s:left_"]
+    found, said, code = driven("grip", some, *given)
+    assert code == 0, said
+    names = re.findall(r"interface: (\S+)", said)
+    assert names[:3] == ["left_joint1/effort", "left_joint2/effort", "left_hand/force"]
+    assert names[-2:] == ["left_grip/force", "left_grip/slip"]
+    assert found[-2, -1] == 10.0
+    assert found[-1, -1] == 10.0
+    readme = package("grip").files["README.md"].decode()
+    assert "| command | `gripper/effort` | N" in readme
+    assert "| state | `grip/force`, `grip/slip` | N, m" in readme
+    assert "The scene has no gripper" in readme
+    assert "| `gripper` |" not in package("ring").files["README.md"].decode()
 
 
 def test_what_is_left_after_the_deactivation_carries_the_arm(driven) -> None:
@@ -193,7 +216,7 @@ def test_efforts_that_cannot_be_written_are_an_error_after_a_while(driven) -> No
         (["joints=S:a,b"], "error: joints has 2 names; the task has 3 joints"),
         (["sensor=s:"], "error: sensor has no name"),
         (["sensor_rpy=D:0,0"], "error: sensor_position and sensor_rpy have three numbers each"),
-        (["reactions=S:a,b"], "error: reactions has one interface for each equation: bars"),
+        (["reactions=S:a,b"], "error: reactions has one interface for each of these: bars"),
         (["lost_samples=i:-1"], "error: lost_samples is 0 or more"),
         (["lost_samples=d:1.5"], "error: a parameter has another type: parameter 'lost_samples'"),
         (["wrench_in_world=b:true", "weight_in_reading=b:true"], "error: a wrench in world axes"),

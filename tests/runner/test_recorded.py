@@ -106,6 +106,15 @@ def written(path: Path, columns: dict[str, Any], units: dict[str, str] | None = 
 # Round trips.
 
 
+@pytest.mark.parametrize("log", [".", "log.arrow"])
+def test_a_run_is_judged_by_another_file_after_an_export(
+    run: Run, tmp_path: Path, log: str
+) -> None:
+    said = judged(SHIPPED, run.folder / log, tmp_path / "out").stderr
+    assert f"taskspec export {run.folder} --parquet" in said
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("form", ["csv", "parquet", "mcap"])
 def test_own_export_needs_no_map_and_is_judged_as_the_run_was(
     run: Run, tmp_path: Path, form: str

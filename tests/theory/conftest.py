@@ -12,6 +12,8 @@ Prediction = Callable[..., None]
 _ROWS = pytest.StashKey[list[Row]]()
 _OPTION = "--theory-table"
 _PRESSES = "--random-presses"
+#: Of random files, which a proof that is held against runs takes.
+_ALL = 200
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -21,6 +23,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         _PRESSES, type=int, default=20, help="how many random presses keep their bound"
     )
+
+
+@pytest.fixture
+def random_files(request: pytest.FixtureRequest) -> int:
+    """How many random files a test draws that has slow ones: all of 200, and a fifth of a few."""
+    asked: int = request.config.getoption("random_presses")
+    return asked if asked >= _ALL else max(asked // 5, 2)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -69,13 +69,15 @@ class Row:
         # Far below the tolerance only rounding is left to be seen.
         floor = 10.0 ** math.floor(math.log10(tolerance) - 3)
         small = self.difference < floor
+        # A zero has no sign.
+        predicted = f"{self.predicted + 0.0:.4g}"
         return (
             self.what,
             self.equation,
             self.case,
-            f"{self.predicted:.4g}",
+            predicted,
             # A measured zero is a rounding error, which is not worth its digits.
-            f"{self.measured:.4g}" if relative or not small else f"{self.predicted:.4g}",
+            f"{self.measured:.4g}" if relative or not small else predicted,
             f"< {show(floor)}" if small else show(self.difference),
             show(tolerance),
         )

@@ -108,6 +108,21 @@ def test_what_gains_follow_goes_there_at_the_bounded_rate(simulate, true):
             assert schedule.value(k) == pytest.approx(designed, rel=0.05)
 
 
+@pytest.mark.parametrize("share", [0, 1e-15, 1e-9, 1e-2])
+def test_a_declared_stiffness_beside_a_knot_has_no_line_of_its_own(share):
+    """The slope of a line between two equal logarithms is no number."""
+    low, high = 1000.0, 10000.0
+    grid = np.array(knots(low, high))
+    assert len(grid) > 4
+    for k in grid * (1 + share):
+        found = np.array(knots(low, high, [k]))
+        assert len(found) - len(grid) == (share == 1e-2 and k < high)
+        assert np.all(np.diff(np.log(found)) > 0.9e-3)
+        assert {low, high} < {*found}
+        schedule = Schedule.of({each: each**0.5 for each in found})
+        assert schedule.value(k) == pytest.approx(k**0.5 if k < high else high**0.5)
+
+
 def test_torques_are_those_of_the_equation_at_the_gains_of_each_tick(simulate):
     """(4.50) from the log to 1e-10: K_I times the integral goes on while K_I changes."""
     law = "{kind: parallel-pid, stiffness: 300 N/m, estimate: 500 N/m..50 kN/m}"

@@ -432,8 +432,11 @@ def export(
         ),
     ] = None,
     fmi: Annotated[
-        int, typer.Option("--fmi", min=2, max=3, metavar="2|3", help="The FMU's version of FMI.")
-    ] = 3,
+        int | None,
+        typer.Option(
+            "--fmi", min=2, max=3, metavar="2|3", help="The FMU's version of FMI, by default 3."
+        ),
+    ] = None,
     ros2_control: Annotated[
         Path | None,
         typer.Option(
@@ -461,6 +464,8 @@ def export(
         both = f"name one of {targets[0][0]} and {targets[1][0]}"
         raise typer.BadParameter(both, param_hint=targets[1][0])
     option, target = targets[0] if targets else ("", Path())
+    if fmi is not None and option != "--fmu":
+        raise typer.BadParameter("it is of an FMU; name one: --fmu PATH", param_hint="--fmi")
     if option == "--lerobot":
         from taskspec_runner.cli.dataset import export_episodes
 
@@ -476,7 +481,7 @@ def export(
     if option == "--c":
         return exports.export_controller(folder, target, given)
     if option == "--fmu":
-        return exports.export_fmu(folder, target, fmi, given)
+        return exports.export_fmu(folder, target, fmi or 3, given)
     if option == "--ros2-control":
         return exports.export_ros_package(folder, target, given)
     return exports.export_urscript(folder, target, given)

@@ -191,6 +191,7 @@ def _show_stage(stage: StageSheet) -> None:
         *([("null space", stage.null_space)] if stage.null_space else []),
         *stage.selection,
         *stage.kept,
+        *stage.beside,
         *([("tare", "what the sensor shows here on average becomes its zero")] * stage.tare),
         *stage.ends,
         *([] if stage.trial is None else stage.trial.rows),

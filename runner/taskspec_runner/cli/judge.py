@@ -23,7 +23,7 @@ from taskspec_runner.record.folder import (
     plain,
     read_json,
 )
-from taskspec_runner.record.names import SUMMARY
+from taskspec_runner.record.names import LOG, SUMMARY
 from taskspec_runner.runs import RebuildError, Run
 from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judge import judge_run
@@ -47,7 +47,16 @@ def judge_log(
 
     Returns:
         The exit code of the run; FAILED too where the log ends before the task.
+
+    Raises:
+        InputError: the log is that of a run of this project, in its folder.
     """
+    if log.is_dir() or log.name == LOG:
+        folder = log if log.is_dir() else log.parent
+        raise InputError(
+            f"{log} is of a run: taskspec judge {folder} judges it by its own task; to judge it by "
+            f"{file}, write its log first: taskspec export {folder} --parquet"
+        )
     from taskspec_runner.recorded.judging import judge_recording
 
     if out is not None:

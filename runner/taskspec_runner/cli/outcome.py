@@ -15,11 +15,10 @@ from taskspec_runner.link.link import sentence
 from taskspec_runner.loop.fixed_step import UNDECIDED as UNDECIDED_END
 from taskspec_runner.record.fault_time import fault_times
 from taskspec_runner.runs import Run
-from taskspec_runner.verdict import drift, energy, estimated, payload, tank, torque_steps
 from taskspec_runner.verdict.judged import title_of
 from taskspec_runner.verdict.limit_effects import sentences
 from taskspec_runner.verdict.outcome import is_measured, mirrored
-from taskspec_runner.verdict.protected import sentences as near
+from taskspec_runner.verdict.remarks import remarks
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -43,15 +42,6 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
     if run.summary["metrics"] and not quiet:
         show(*[""] * bool(expectations), _metrics(run.summary), "")
     if not quiet:
-        steps = (
-            *torque_steps.sentences(run.summary),
-            *drift.sentences(run.summary),
-            *energy.sentences(run.summary),
-            *tank.sentences(run.summary),
-            *payload.sentences(run.summary),
-            *estimated.sentences(run.summary),
-            *near(run.summary),
-        )
         for line in _truth(run.summary):
             show(line)
         if "link" in run.summary:
@@ -61,7 +51,7 @@ def show_outcome(run: Run, *, quiet: bool) -> None:
             *_forced(run.summary),
             *sentences(run.summary),
             *_lost(run.summary),
-            *steps,
+            *remarks(run.summary),
         ):
             show(Text(line, style="yellow"))
     for fault in run.faults:

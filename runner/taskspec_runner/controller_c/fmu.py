@@ -29,13 +29,13 @@ from taskspec_runner.controller_c.states import BEARS, STATES
 #: Versions of FMI that there are FMUs of.
 FMI_VERSIONS = (2, 3)
 _FOLDER = Path(__file__).parent / "fmi"
-#: The exponents of its SI units, by the name of a unit.
 #: What a gripper is commanded, and what it reports: unit and text, in the order of a sample.
 GRIP = "gripper.command"
 REPORTS = {
     "gripper.force": ("N", "what each jaw presses with; 0 with nothing in it"),
     "gripper.slip": ("m", "how far what is gripped has slid since the jaws closed"),
 }
+#: The exponents of its SI units, by the name of a unit.
 _UNITS = {
     "s": {"s": 1},
     "m": {"m": 1},

@@ -9,6 +9,7 @@ import numpy as np
 
 from taskspec_runner.pages.numbers import figure, plain_scale, quantity, scale
 from taskspec_runner.record.file_array import in_file
+from taskspec_runner.record.folder import mapping, number
 from taskspec_runner.record.history import Vector
 from taskspec_runner.runs import Run
 from taskspec_runner.verdict.judged import Judged
@@ -194,6 +195,20 @@ def levels(run: Run, name: str, factor: float, signs: Sequence[int]) -> tuple[Le
     return tuple(
         Level(start, end, sign * factor * limit) for start, end, limit in pieces for sign in signs
     )
+
+
+def law_levels(
+    run: Run, signal: str, factor: float, text: str, signs: Sequence[int] = (1,)
+) -> tuple[Level, ...]:
+    """What a law promises of a signal, over the visits of its stages, in the chart's unit."""
+    by_stage = mapping(run.summary.get("law_bounds"))
+    found = list[Level]()
+    for visit in run.visits:
+        most = number(mapping(by_stage.get(visit.stage)).get(signal))
+        if most is not None:
+            ends = (visit.start, visit.end)
+            found += [Level(*ends, sign * factor * most, text=text) for sign in signs]
+    return tuple(found)
 
 
 def limit_note(run: Run, name: str, unit: str, peak: float) -> str:

@@ -19,6 +19,7 @@ from taskspec_runner.pages.chart import (
     Section,
     Trace,
     bands,
+    law_levels,
     levels,
     limit_note,
     of_signals,
@@ -31,6 +32,7 @@ from taskspec_runner.report.rest_levels import rest_levels
 from taskspec_runner.report.selection import selected
 from taskspec_runner.report.settling import settlings
 from taskspec_runner.runs import Run
+from taskspec_runner.verdict import velocity
 from taskspec_runner.verdict.energy import MOST
 from taskspec_runner.verdict.metrics import set_points
 
@@ -76,7 +78,10 @@ def sections(run: Run) -> tuple[Section, ...]:
         motion.add(chart)
     arm.add(_joint_commands(run))
     arm.add(_joint_torques(run))
-    arm.add(_joints(run, "disturbance", (), "", ""))
+    arm.add(_disturbances(run))
+    arm.add(_compensated(run))
+    for chart in _estimated_velocities(run):
+        arm.add(chart)
     arm.add(_joint_positions(run))
     arm.add(_power(run))
     for chart in _payload(run):
@@ -282,7 +287,16 @@ def _upright(run: Run) -> bool:
 def _errors(run: Run, axes: Sequence[str], title: str) -> Chart | None:
     note = "reference − truth, where an axis follows a motion"
     lines = [Drawn(f"error.{axis}", _ROLES[axis], axis) for axis in axes]
-    return of_signals(run, title.lower(), title, lines, note, always=(0.0,))
+    chart = of_signals(run, title.lower(), title, lines, note, always=(0.0,))
+    if chart is None:
+        return None
+    # One for all axes as a rule: the layer of a law is, and so is the slope of its loops.
+    bounds = dict.fromkeys(
+        level
+        for axis in axes
+        for level in law_levels(run, f"error.{axis}", chart.factor, "bound of the layer", (1, -1))
+    )
+    return replace(chart, levels=(*chart.levels, *bounds))
 
 
 def _velocity(run: Run) -> Chart | None:
@@ -304,6 +318,13 @@ def _power(run: Run) -> Chart | None:
     energy = 0.0 if power is None else float(np.nansum(power) * run.period)
     note = f"into the environment; {' '.join(quantity(energy, 'J'))} in all"
     return of_signals(run, "power", "Power", [Drawn("power", "j3", continuous=True)], note)
+
+
+def _disturbances(run: Run) -> Chart | None:
+    """What moves the arm beside its torques and the measured wrench."""
+    chart = _joints(run, "disturbance", (), "", "")
+    title, note = "Disturbances of the joints", "as the observer estimates them, and takes them off"
+    return chart and replace(chart, title=title, note=note)
 
 
 def _payload(run: Run) -> Iterator[Chart | None]:
@@ -337,7 +358,10 @@ def _estimates(run: Run) -> Chart | None:
         for name, style, said in (("stiffness", "line", ""), ("followed", "reference", ", gains"))
     ]
     note = "dashed: what designed gains are those for"
-    return of_signals(run, "estimate.stiffness", "Estimated stiffness of the contact", lines, note)
+    title = "Estimated stiffness of the contact"
+    chart = of_signals(run, "estimate.stiffness", title, lines, note)
+    # Ten times softer and ten times stiffer are to be read alike.
+    return chart and replace(chart, log=True)
 
 
 #: The energies of a law, and the terms that change what it stores, with their colours.
@@ -369,12 +393,32 @@ def _energies(run: Run) -> Iterator[Chart | None]:
     yield _of_energy(run, "work", "What changes the stored energy", lines, note)
     if run.column("tank.energy") is not None:
         yield _tank(run)
+        yield _let_through(run)
         power = [Drawn("tank.power", "j3", "out of it", continuous=True)]
-        yield of_signals(run, "tank power", "Power out of the energy tank", power)
+        chart = of_signals(run, "tank power", "Power out of the energy tank", power)
+        if chart is not None:
+            bounds = law_levels(run, "tank.power", chart.factor, "most that leaves it")
+            chart = replace(chart, levels=bounds)
+        yield chart
+
+
+def _let_through(run: Run) -> Chart | None:
+    """The shares of springs and of all other terms that energy tanks let through."""
+    lines = (("tank.spring", "springs", "z"), ("tank.share", "other terms", "x"))
+    traces = tuple(
+        Trace(label, 100 * run.columns[name], role, "line", name, True)
+        for name, label, role in lines
+        if run.column(name) is not None
+    )
+    if not traces:
+        return None
+    note = "of what the law commands; 100 % is the law itself"
+    title = "What the energy tank lets through"
+    return Chart("tank shares", title, "%", traces, note, always=(0.0, 100.0), factor=100.0)
 
 
 def _tank(run: Run) -> Chart:
-    """What is in energy tanks, and the power that leaves them: joules and watts are of one size."""
+    """What is in energy tanks, and what they hold at most."""
     energy, power = run.column("tank.energy"), run.column("tank.power")
     refused = run.column("tank.refused")
     assert energy is not None
@@ -382,7 +426,8 @@ def _tank(run: Run) -> Chart:
     share = 0.0 if refused is None else float(np.nanmax(refused, initial=0.0))
     most = 0.0 if power is None else float(np.nanmax(power, initial=0.0))
     note = f"at most {' '.join(quantity(most, 'W'))} left it, and {100 * share:.3g} % was refused"
-    return _of_energy(run, "tank", "In the energy tank", lines, note)
+    chart = _of_energy(run, "tank", "In the energy tank", lines, note)
+    return replace(chart, levels=law_levels(run, "tank.energy", chart.factor, "capacity"))
 
 
 def _of_energy(
@@ -415,6 +460,49 @@ def _joint_torques(run: Run) -> Chart | None:
     of = "Joint torques" if commanded(run.columns) == TORQUE else "Torques that the servo exerts"
     bounds = _limits(run, "joint_limits")
     return _joints(run, "torque", bounds, f"{of}, share of their limits", _HIGHEST)
+
+
+def _compensated(run: Run) -> Chart | None:
+    """What of the joint torques is there against friction."""
+    names = _of_joints(run, "torque.friction")
+    lines = [Drawn(n, f"j{i % 7}", _label(n)) for i, n in enumerate(names)]
+    title, note = "Compensated friction of the joints", "part of the joint torques above"
+    return of_signals(run, "compensated friction", title, lines, note, always=(0.0,))
+
+
+def _estimated_velocities(run: Run) -> Iterator[Chart | None]:
+    """Velocities that the controller has estimated: over the true ones, and what they lack."""
+    names = [n.removesuffix(".measured") for n in _of_joints(run, "velocity.measured")]
+    names = [n for n in names if run.column(n) is not None]
+    if "velocity" not in run.summary or not names:
+        return
+    roles = {n: f"j{i % 7}" for i, n in enumerate(names)}
+    lines = [Drawn(f"{n}.measured", roles[n], f"{_label(n)} estimated", "faint") for n in names]
+    lines += [Drawn(n, roles[n], _label(n)) for n in names]
+    title, note = "Joint velocities, and their estimates", "pale: as the controller has them"
+    yield of_signals(run, "estimated velocities", title, lines, note, always=(0.0,))
+    errors = [run.columns[f"{n}.measured"] - run.columns[n] for n in names]
+    factor, unit = scale(run.units[names[0]], size(errors))
+    traces = tuple(
+        Trace(_label(n), error * factor, roles[n]) for n, error in zip(names, errors, strict=True)
+    )
+    said = "; ".join(velocity.sentences(run.summary))
+    yield Chart(
+        "velocity errors", "Estimated minus true joint velocities", unit, traces, said,
+        always=(0.0,), factor=factor,
+    )  # fmt: skip
+
+
+def _label(name: str) -> str:
+    """`J2` of a signal of joint 2."""
+    return f"J{name.split('.')[1]}"
+
+
+def _of_joints(run: Run, kind: str) -> list[str]:
+    """The columns of a signal of joints that have a value, in one unit."""
+    names = [n for n in run.columns if n.startswith("joint.") and n.endswith(f".{kind}")]
+    names = [n for n in names if run.column(n) is not None]
+    return [n for n in names if run.units[n] == run.units[names[0]]]
 
 
 def _joint_commands(run: Run) -> Chart | None:

@@ -14,9 +14,8 @@ from taskspec_runner.pages.timeline import tints
 from taskspec_runner.record.folder import Json, mapping, number
 from taskspec_runner.report.rest_levels import rest_value
 from taskspec_runner.runs import Run
-from taskspec_runner.verdict import drift, energy, estimated, payload, tank, torque_steps
 from taskspec_runner.verdict.limit_effects import sentences
-from taskspec_runner.verdict.protected import sentences as near
+from taskspec_runner.verdict.remarks import remarks
 
 #: Columns of a response; see the note below the table.
 _RESPONSES = [
@@ -147,21 +146,12 @@ def solver(run: Run) -> Iterator[str]:
 
 
 def given_up(run: Run) -> list[str]:
-    """What limits and contacts took, and how far the torque stepped, in sentences.
+    """What limits and contacts took, and the remarks of the parts of a run, in sentences.
 
     A summary of another version has none.
     """
     try:
-        return [
-            *sentences(run.summary),
-            *torque_steps.sentences(run.summary),
-            *drift.sentences(run.summary),
-            *energy.sentences(run.summary),
-            *tank.sentences(run.summary),
-            *payload.sentences(run.summary),
-            *estimated.sentences(run.summary),
-            *near(run.summary),
-        ]
+        return [*sentences(run.summary), *remarks(run.summary)]
     except (AttributeError, KeyError, TypeError, ValueError):
         return []
 

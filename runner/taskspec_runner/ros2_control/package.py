@@ -94,9 +94,15 @@ _GRIPPER = {
         "\n    written = command_interfaces_[JOINTS].set_value(output_.grip) && written;"
     ),
 }
-_GRIPPER_ROW = (
-    "| `gripper` | `gripper/effort` | the command interface of the force of each jaw "
-    "[N], 0 opens it; the example's robot has no gripper |\n"
+_GRIPPER_INTERFACES = (
+    "| command | `gripper/effort` | N, what each jaw is to press with; 0 opens the gripper |\n"
+    "| state | {reports} | N, m: what each jaw presses with, 0 with nothing between them, and how "
+    "far what is gripped has slid since the jaws closed |\n"
+)
+_GRIPPER_ROW = "| `gripper` | `gripper/effort` | the command interface of the gripper |\n"
+_NO_GRIPPER = (
+    "The scene has no gripper: hardware that has one exports its interfaces, or the controller "
+    "cannot be activated."
 )
 
 
@@ -142,10 +148,10 @@ def _parts(
     robot, task, equations = context.robot, context.loaded.task, list(context.equations)
     zero = sensor_zero(task, task.robot.sensor, robot)
     weighs = zero is not None and task.robot.sensor.at == "wrist"
-    reactions = [f"{name}/reaction" for name in equations]
     grips = bool(task.gripped)
-    if grips:
-        reactions += [name.replace(".", "/") for name in REPORTED]
+    reports = [name.replace(".", "/") for name in REPORTED] if grips else []
+    of_equations = [f"{name}/reaction" for name in equations]
+    reactions = [*of_equations, *reports]
     weight = {"WEIGHT": _WEIGHED if weighs else _UNWEIGHED}
     return {
         "NAME": made.name,
@@ -171,17 +177,25 @@ def _parts(
             for name, x in zip(robot.joint_names, context.start, strict=True)
         ),
         "REACTION_ROW": (
-            "| state | `EQUATION/reaction`: " + ", ".join(f"`{name}`" for name in reactions) + " | "
-            "N or N m, along the gradient of the equation on joints as the file writes it, by the "
-            "constraint on the arm |\n"
-            if reactions
+            "| state | `EQUATION/reaction`: "
+            + ", ".join(f"`{name}`" for name in of_equations)
+            + " | N or N m, along the gradient of the equation on joints as the file writes it, by "
+            "the constraint on the arm |\n"
+            if of_equations
             else ""
-        ),
-        "AND_SENSOR": ", sensor and reactions" if reactions else " and sensor",
+        )
+        + (_GRIPPER_INTERFACES.format(reports=", ".join(f"`{n}`" for n in reports)) * grips),
+        "AND_SENSOR": _listed(["sensor", *["reactions"] * bool(reactions), *["gripper"] * grips]),
         "REACTION_PARAMETER": (
-            "| `reactions` | " + ", ".join(f"`{name}`" for name in reactions) + " | the state "
-            "interface of the reaction of each equation, in this order; no driver has these by "
-            "itself: hardware that measures or estimates them exports them |\n"
+            "| `reactions` | "
+            + ", ".join(f"`{name}`" for name in reactions)
+            + " | the state interfaces of "
+            + " and of ".join(
+                ["the reaction of each equation"] * bool(of_equations)
+                + ["what the gripper reports"] * grips
+            )
+            + ", in this order; no driver has these by itself: hardware that measures or estimates "
+            "them exports them |\n"
             if reactions
             else ""
         )
@@ -196,6 +210,12 @@ def _parts(
         "PRELUDE": kernel_c.INCLUDES + expressions_c.PRELUDE,
         "MODEL": expressions_c.expression_c(_model(robot), "model"),
     }
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names that go on with a list, with an `and` ahead of the last."""
+    *others, last = names
+    return "".join(f", {name}" for name in others) + f" and {last}"
 
 
 def _param_row(name: str, param: LiveParam) -> str:
@@ -393,6 +413,8 @@ def _left_out(program: Program) -> list[str]:
         notes.append(
             "In the scene the tool touches with a few spheres, not with its whole surface."
         )
+    if task.gripped:
+        notes.append(_NO_GRIPPER)
     if task.robot.sensor != type(task.robot.sensor)():
         notes.append("The sensor of the scene has no bias, noise, low-pass or delay.")
     return notes

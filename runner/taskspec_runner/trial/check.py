@@ -49,12 +49,14 @@ def check(loaded: LoadedTask) -> Examination:
         about(str(error)).report(loaded, found)
         return Examination(loaded, examined.plan, found.sorted())
     first, last = trials[0], trials[-1]
-    confirmed = not first.good or first.outcome.status == OPEN
+    in_trials = [*reported(trials)]
+    lost = any(each.code == "TS521" and each.severity is Severity.WARNING for each in in_trials)
+    confirmed = not first.good or first.outcome.status == OPEN or lost
     found = Diagnostics(loaded.source.name)
     found.extend(each if confirmed else _weighed(each) for each in examined.findings)
     places = [each.span for each in examined.findings if each.severity is not Severity.INFO]
     for finding in (
-        *reported(trials),
+        *in_trials,
         *_broken_off(last),
         *fast_motions(last),
         *fast_torques(last),

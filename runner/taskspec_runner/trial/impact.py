@@ -84,6 +84,5 @@ def first_impact(moment: Moment) -> Impact | None:
     if not len(begins):
         return None
     row = int(begins[0])
-    borne = {n: abs(moment.value(f"{n}.force", row)) for n in moment.nominal.shapes}
-    contact = max(borne, key=lambda name: np.nan_to_num(borne[name]), default="")
+    contact = moment.pressed_at(row)
     return impact_at(moment, row, contact) if contact else None

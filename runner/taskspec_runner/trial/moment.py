@@ -106,7 +106,12 @@ class Moment:
     @cached_property
     def pressed(self) -> str:
         """The object that bears most of the force; empty for none."""
-        borne = {n: abs(self.value(f"{n}.force")) for n in self.nominal.shapes}
+        return self.pressed_at(self.row)
+
+    def pressed_at(self, row: int) -> str:
+        """The same in another row. What the arm carries moves with it, and bears nothing of it."""
+        objects = [name for name in self.nominal.shapes if name not in self.nominal.carried]
+        borne = {name: abs(self.value(f"{name}.force", row)) for name in objects}
         borne = {name: force for name, force in borne.items() if force > 0}
         return max(borne, key=lambda name: borne[name], default="")
 

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from taskspec.expression.tree import Held, Name, Node, walk
+from taskspec.laws.adaptation import described
 from taskspec.program import events
 from taskspec.program.plan import StagePlan
 from taskspec.program.signals import entry_of
@@ -27,8 +28,9 @@ from taskspec_runner.trial.moment import Moment
 from taskspec_runner.trial.trial import OPEN, Trial
 from taskspec_runner.verdict.energy import RunEnergies, gain_text
 from taskspec_runner.verdict.judged import Judged
-from taskspec_runner.verdict.payload import described, payload_block, unshown
+from taskspec_runner.verdict.payload import payload_block, unshown
 from taskspec_runner.verdict.run_finding import RunFinding
+from taskspec_runner.verdict.slips import slips
 from taskspec_runner.verdict.tank import refusal
 
 register(
@@ -82,8 +84,6 @@ _LIMIT_CODES = {
     "frame_left": "TS425",
     "gain": "TS219",
 }
-#: A body that slides no farther than this on its pads is held [m].
-_SLIDES = 0.1e-3
 #: A mode that is damped less than this is the one that shows in a noisy signal.
 _PASSES_NOISE_ON = 0.3
 #: Share of a signal's greatest value below which its least one counts as zero.
@@ -395,34 +395,17 @@ def _of_run(trial: Trial, finding: RunFinding) -> Finding:
 
 def _slips(trial: Trial) -> Iterator[Finding]:
     """Stages in which a body slides on the pads, or out of the jaws: the first of each."""
-    task = trial.program.context.loaded.task
-    if not task.gripped:
-        return
-    columns = trial.history.columns
-    force, slip, command = (columns[f"grip.{name}"] for name in ("force", "slip", "command"))
-    reported_of: set[str] = set()
-    for visit in trial.history.visits():
-        ticks = slice(visit.first, visit.last + 1)
-        closed = command[ticks] > 0
-        # The first tick's command is that of the stage, what is reported belongs to the one before.
-        slid = float(_spread(slip[ticks][1:][closed[1:]]))
-        held = np.flatnonzero((force[ticks] > 0) & closed)
-        lost = held.size > 0 and closed[-1] and force[ticks][-1] == 0
-        if visit.stage in reported_of or not (lost or slid > _SLIDES):
-            continue
-        reported_of.add(visit.stage)
-        place = key_of(FILE.stages[visit.stage])
-        hint = "press harder, move more gently, or answer it: fail_if: grip.slip > 1 mm"
-        if lost:
-            text = f"in the trial, stage {visit.stage!r} loses what is gripped: it slips out"
+    hint = "press harder, move more gently, or answer it: fail_if: grip.slip > 1 mm"
+    for slip in slips(trial.program.context.loaded.task, trial.history):
+        stage = slip.visit.stage
+        place = key_of(FILE.stages[stage])
+        if slip.lost:
+            text = f"in the trial, stage {stage!r} loses what is gripped: it slips out"
             yield warning("TS521", text, place, hint)
         else:
-            text = f"in the trial, what is gripped slips by {show(slid, 'mm', 2)} in stage "
-            yield info("TS521", f"{text}{visit.stage!r}", place, hint)
-
-
-def _spread(values: np.ndarray) -> float:
-    return np.ptp(values) if values.size else 0.0
+            far = show(slip.distance, "mm", 2)
+            text = f"in the trial, what is gripped slips by {far} in stage {stage!r}"
+            yield info("TS521", text, place, hint)
 
 
 def _gained(trial: Trial) -> Iterator[Finding]:

@@ -1,9 +1,7 @@
 """The payload that laws have adapted to, and what of it the run has shown.
 
 In the stages that adapt, an error of the estimate falls by theta~' = -w A^T A / |g|^2 theta~, with
-A as in `laws.adaptation`. Along an eigenvector of the Gramian, the mean of A^T A / |g|^2 over a
-time t, with the eigenvalue lambda, exp(-lambda w t) of it is left; of an error of one parameter
-alone the run has shown 1 - [exp(-w t Gramian)]_ii.
+A as in `laws.adaptation`; `Adaptation.shown` has what is left of it.
 """
 
 from __future__ import annotations
@@ -16,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import AXES
-from taskspec.laws.adaptation import PARAMETERS, SCALES, Adaptation, counted, regressor
+from taskspec.laws.adaptation import PARAMETERS, SHOWN, described, gramian
 from taskspec.program.bound import RowFunction
 from taskspec.program.execution.payload_estimate import adaptation
 from taskspec.program.program import Program
@@ -28,12 +26,6 @@ from taskspec_runner.verdict.energy import MOST
 
 Vector = NDArray[np.float64]
 
-#: A parameter of whose error a run has shown less than this share is one that it does not show.
-_SHOWN = 0.5
-#: A Gramian with less than this in one direction says nothing of what lies in it.
-_SINGULAR = 1e-6
-#: Forces and moments on the tip that a payload shows in.
-_COMPONENTS = 6
 #: A mass is at its bound if it is so near [kg].
 _AT_BOUND = 1e-6
 
@@ -52,19 +44,18 @@ def payload_block(program: Program, history: History) -> dict[str, Any]:
     data["at_bound"] = known[0] > adapted.high - _AT_BOUND
     found = None if len(history) > MOST else _gramian(program, history)
     if found is not None:
-        gramian, time = found
-        values, vectors = np.linalg.eigh(gramian)
-        left = (vectors * np.exp(-adapted.w * time * values)) @ vectors.T
+        shows, time = found
         data["time"] = time
-        data["least_eigenvalue"] = float(max(values[0], 0.0))
-        data["within"] = _left_by_dead_zone(adapted, gramian, known)
-        data["shown"] = dict(zip(PARAMETERS, (1 - np.diag(left)).tolist(), strict=True))
+        data["least_eigenvalue"] = float(max(np.linalg.eigvalsh(shows)[0], 0.0))
+        left = adapted.left_by_dead_zone(shows, known)
+        data["within"] = None if left is None else dict(zip(PARAMETERS, left, strict=True))
+        data["shown"] = dict(zip(PARAMETERS, adapted.shown(shows, time).tolist(), strict=True))
     return {"payload": data}
 
 
 def unshown(data: Mapping[str, Any]) -> list[str]:
     """The parameters that a run has not shown, of its entry in a summary."""
-    return [name for name, share in data.get("shown", {}).items() if share < _SHOWN]
+    return [name for name, share in data.get("shown", {}).items() if share < SHOWN]
 
 
 def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
@@ -82,42 +73,13 @@ def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
     yield text
 
 
-def _left_by_dead_zone(
-    adapted: Adaptation, gramian: Vector, known: list[float]
-) -> dict[str, float | None]:
-    """What the dead zone may leave of each parameter [kg, m]; None: all of it. More disturbs more.
-
-    Where all m components of A theta~ are within z, theta~^T G theta~ <= m (z / |g|)^2, so that of
-    one parameter sqrt(m [G^-1]_ii) z / |g| is left. A first moment over the mass is a centre, which
-    has the mass's own share of it as well.
-    """
-    values, vectors = np.linalg.eigh(gramian)
-    if values[0] < _SINGULAR:
-        return dict.fromkeys(PARAMETERS)
-    spread = np.sqrt(_COMPONENTS * np.diag((vectors / values) @ vectors.T))
-    left = spread * np.asarray(SCALES) * adapted.dead_zone / adapted.g
-    mass, *centre = known
-    if mass < _AT_BOUND:
-        return dict.fromkeys(PARAMETERS)
-    of_centre = [(each + abs(c) * left[0]) / mass for c, each in zip(centre, left[1:], strict=True)]
-    return dict(zip(PARAMETERS, map(float, [left[0], *of_centre]), strict=True))
-
-
 def _with_bounds(data: Mapping[str, Any], name: str) -> str:
-    """A parameter to the digits that a run determines; `?` for one that it does not show."""
-    dimension = MASS if name == "mass" else LENGTH
-    within = data.get("within", {}).get(name)
+    """A parameter with what the dead zone may leave of it; `?` for one that a run does not show."""
     if name in unshown(data):
         return "?"
-    text = scaled(data[name], dimension, 3 if name == "mass" else 2)
-    return text if within is None else f"{text} +- {scaled(within, dimension, 1)}"
-
-
-def described(parameters: list[str]) -> str:
-    """Parameters in words: `mass`, `centre along x and z`."""
-    axes = [name for name in parameters if name in "xyz"]
-    centre = [f"centre along {' and '.join(axes)}"] if axes else []
-    return " and ".join([*(["mass"] if "mass" in parameters else []), *centre])
+    dimension, digits = (MASS, 3) if name == "mass" else (LENGTH, 2)
+    text, within = scaled(data[name], dimension, digits), data.get("within")
+    return text if within is None else f"{text} +- {scaled(within[name], dimension, 1)}"
 
 
 def _gramian(program: Program, history: History) -> tuple[Vector, float] | None:
@@ -147,9 +109,9 @@ def _moved(axes: tuple[str, ...], n: int) -> RowFunction:
     )
     jacobian = ca.reshape(J, 6, n)
     tip = jacobian @ acceleration + drift
-    gravity, turning = ca.DM(GRAVITY), (jacobian @ v)[3:]
-    Y = regressor(tip[:3] - gravity, turning, tip[3:], ca.reshape(R, 3, 3))
+    gravity = ca.DM(GRAVITY)
     rows = [AXES.index(axis) for axis in axes]
-    Y = ca.diag(ca.DM(counted(rows))) @ Y[rows, :] @ ca.diag(ca.DM(SCALES))
-    made = ca.densify(ca.vec(Y.T @ Y)) / float(ca.sumsqr(gravity))
+    turning, g = (jacobian @ v)[3:], float(ca.norm_2(gravity))
+    made = gramian(tip[:3] - gravity, turning, tip[3:], ca.reshape(R, 3, 3), rows, g)
+    made = ca.densify(ca.vec(made))
     return RowFunction(ca.Function("gramian", [J, R, drift, v, acceleration], [made]))

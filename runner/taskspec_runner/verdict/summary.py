@@ -33,11 +33,14 @@ from taskspec_runner.verdict.energy import energy_block
 from taskspec_runner.verdict.estimated import estimated
 from taskspec_runner.verdict.findings import findings
 from taskspec_runner.verdict.judged import Judged
+from taskspec_runner.verdict.law_bounds import law_bounds
 from taskspec_runner.verdict.payload import payload_block
 from taskspec_runner.verdict.performance import performance
 from taskspec_runner.verdict.protected import protected
 from taskspec_runner.verdict.run_finding import RunFinding
+from taskspec_runner.verdict.slips import slip_block
 from taskspec_runner.verdict.torque_steps import largest_change, largest_step
+from taskspec_runner.verdict.velocity import velocity_block
 
 _JOINT = re.compile(r"\bjoint (\d+) ")
 _OF_TRAVEL, _ATTEMPTS = " of travel", "; stage "
@@ -142,7 +145,10 @@ def summarise(
         **protected(program, history, context.period),
         **drift(program, history),
         **payload_block(program, history),
+        **slip_block(task, history),
         **estimated(program, history),
+        **law_bounds(program),
+        **velocity_block(program, history),
         **energy_block(program, history, world.task),
         **performance(program, history, judged, simulated.solver_counts),
         "limits": {k: v for k, v in task.limits.model_dump().items() if v is not None},

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
 
 from taskspec.geometry.axis import Axis
 from taskspec.laws.contact_stiffness import ContactStiffness, Schedule, knots, schedules
 from taskspec.laws.gains import Gains
+from taskspec.laws.law import gain_named
 from taskspec.program.context import Context
 from taskspec.program.plan.contacts import StageContacts
 from taskspec.program.plan.design import DesignRules
@@ -16,6 +17,7 @@ from taskspec.program.plan.environment import StageEnvironment
 from taskspec.program.reference.axis_plan import AxisPlan
 from taskspec.program.world.frames import FrameModel
 from taskspec.spec import Law
+from taskspec.text.units import TIME, scaled
 
 #: A change of the force is one beyond so many standard deviations of a reading.
 DEAD_ZONE = 5.0
@@ -126,6 +128,21 @@ class StageEstimates:
             for name, schedule in self.schedules[axis].items():
                 found[name][axis] = replace(found[name][axis], value=schedule.value(k))
         return found
+
+    def rows(self) -> Iterator[tuple[str, str]]:
+        """What it estimates along each axis, and the gains that follow."""
+        for axis, each in self.axes.items():
+            yield f"estimates {axis}", each.words
+            ends = {
+                name: [
+                    gain_named(name).text(value, angular=axis.is_rotation)
+                    for value in sorted({schedule.value(each.low), schedule.value(each.high)})
+                ]
+                for name, schedule in self.schedules[axis].items()
+            }
+            follow = ", ".join(f"{name} {' to '.join(values)}" for name, values in ends.items())
+            at_once = f"there {scaled(each.settling, TIME, 3)} after it is found at the latest"
+            yield f"follow {axis}", f"{follow or 'no gains'}; {at_once}"
 
     def _designed(self, axis: Axis, stiffness: float) -> dict[str, float]:
         return {name: gain.value for name, gain in self._rules.along(axis, stiffness).items()}

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taskspec.geometry.axis import Axis
+from taskspec.laws.disturbance import MomentumObserver
 from taskspec.laws.gains import Gains, on_axis
 from taskspec.modes import Coupling
 from taskspec.motion.joint_path import JointPath
@@ -118,6 +119,15 @@ class StagePlan:
         if self.spec.law is None and not active_equations(law, self.spec, self.context.equations):
             return joint_law(self.context.drives.commands, law)
         return law.model_copy(update={"orientation": "so3"})  # No axis turns by its angles.
+
+    @cached_property
+    def observer(self) -> MomentumObserver | None:
+        """The disturbance observer beside its law; None without one."""
+        declared, robot = self.law.disturbance_observer, self.context.robot
+        if declared is None:
+            return None
+        most = MomentumObserver.limits(declared.torque, robot.torque_limit)
+        return MomentumObserver(declared.bandwidth, self.context.period, most, tuple(robot.hinges))
 
     @cached_property
     def adapt(self) -> Adapt | None:

@@ -13,7 +13,7 @@ from taskspec.control.command import Command
 from taskspec.deferred_methods import dataclass
 from taskspec.laws import energy
 from taskspec.laws.case import Case
-from taskspec.laws.disturbance import TORQUE, most, observe, pole
+from taskspec.laws.disturbance import TORQUE, observe
 from taskspec.laws.energy import Energy
 from taskspec.laws.tank import TankStep
 from taskspec.laws.uncertainty import Uncertainty
@@ -184,12 +184,11 @@ def _observed(
     plan: StagePlan, measurement: Measurement, case: Case, wanted: Command, torque: ca.SX
 ) -> tuple[Command, ca.SX]:
     """What a stage with a disturbance observer commands, with what that remembers."""
-    context, t, observer = plan.context, measurement.clock.t, plan.law.disturbance_observer
+    context, t, observer = plan.context, measurement.clock.t, plan.observer
     assert observer is not None
     observed = observe(
         case,
-        pole(observer.bandwidth, context.period),
-        ca.DM(most(observer.torque, context.robot.torque_limit)),
+        observer,
         applied=last_command(context, measurement.parameters),
         begins=t <= 0,
     )

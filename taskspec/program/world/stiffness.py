@@ -155,6 +155,13 @@ def mass_along(robot: RobotModel, q: Vector, normal: Vector) -> float:
     return _along(normal, _tip(robot, q)[1])
 
 
+def inertia_about(robot: RobotModel, q: Vector, axis: Vector) -> float:
+    """The inertia [kg m^2] that the tip has at q (n,) about a unit direction (3,), world axes."""
+    twin = robot.twin()
+    J = twin.jacobian(q)[3:]
+    return _along(axis, J @ np.linalg.solve(twin.inertia(q), J.T))
+
+
 def equation_mass(model: EquationModel, robot: RobotModel, q: Vector) -> float:
     """The mass [kg], on angles the inertia [kg m^2], at q (n,) along an equation's unit gradient.
 

@@ -112,7 +112,8 @@ def as_data(made: Sheet) -> dict[str, Any]:
         "trial": None if made.trial is None else _trial(made.trial) | {"how": made.how},
         "stages": [
             _open(stage)
-            | {"kept": dict(stage.kept), "ends": _named(stage.ends)}
+            | {"kept": dict(stage.kept), "beside": _named(stage.beside)}
+            | {"ends": _named(stage.ends)}
             | {"selection": dict(stage.selection)}
             | {"trial": None if stage.trial is None else stage.trial.as_data()}
             | {"stability": None if stability is None else asdict(stability)}

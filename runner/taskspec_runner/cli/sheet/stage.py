@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from taskspec.deferred_methods import dataclass
-from taskspec.explain import Natural, Selection, natural, rest_values, selection
+from taskspec.explain import Natural, Selection, beside, natural, rest_values, selection
 from taskspec.laws.law import gain_named
 from taskspec.program.execution.transition import is_good
 from taskspec.program.program import Program
@@ -19,11 +19,11 @@ from taskspec.stability.gain_paths import turns
 from taskspec.text.units import MASS, STIFFNESS, in_unit, number, scaled, show
 from taskspec_runner.cli.sheet.at_rest import RestRow, rest_rows
 from taskspec_runner.cli.sheet.axes import AxisRow, axis_row, equation_row, joint_rows
+from taskspec_runner.cli.sheet.controller import controller_rows
 from taskspec_runner.cli.sheet.limits import limit_rows
 from taskspec_runner.cli.sheet.protection import protection_rows
 from taskspec_runner.cli.sheet.selection import selection_rows
 from taskspec_runner.cli.sheet.servo import servo_rows
-from taskspec_runner.cli.sheet.tank import tank_rows
 from taskspec_runner.cli.sheet.terms import TermsSheet, terms_sheet
 from taskspec_runner.cli.sheet.visits import StageTrial
 from taskspec_runner.trial.trial import Trial
@@ -52,6 +52,7 @@ class StageSheet:
     contact: str
     null_space: str
     kept: tuple[tuple[str, str], ...]
+    beside: tuple[tuple[str, str], ...]
     selection: tuple[tuple[str, str], ...]
     axes: tuple[AxisRow, ...]
     trial: StageTrial | None
@@ -94,6 +95,7 @@ def robot_rows(program: Program) -> tuple[tuple[str, str], ...]:
         ("start", f"tool tip at [{position}] mm in the world"),
         *protection_rows(context.loaded.task.robot.protection, robot),
         *servo_rows(context.loaded.task.robot),
+        *controller_rows(context),
         *(("note", note) for note in robot.notes),
     )
 
@@ -158,7 +160,8 @@ def stage_sheet(
         frame=stage.plan.frame.name,
         contact=_contact(program, stage),
         null_space=_null_space(program, stage),
-        kept=(*limit_rows(program, stage), *tank_rows(stage.plan)),
+        kept=tuple(limit_rows(program, stage)),
+        beside=tuple(beside(stage.plan)),
         selection=() if selected is None else selection_rows(selected),
         axes=(
             *(axis_row(program, stage, world) for world in imposed),

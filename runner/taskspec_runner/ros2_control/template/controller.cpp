@@ -104,7 +104,7 @@ public:
       return refused("sensor_position and sensor_rpy have three numbers each");
     }
     if (reactions.size() != REACTIONS) {
-      return refused("reactions has one interface for each equation: @REACTION_NAMES@");
+      return refused("reactions has one interface for each of these: @REACTION_NAMES@");
     }
     if (lost < 0 || lost > 1000000) return refused("lost_samples is 0 or more");
 
@@ -209,7 +209,7 @@ public:
 
   CallbackReturn on_deactivate(const rclcpp_lifecycle::State &) override
   {
-    // What stays in the interfaces leaves the arm where it is, and pushes nowhere.
+    // What stays in the interfaces leaves the arm where it is, pushes nowhere, and holds on.
     if (started_) {
       if constexpr (TORQUES) commands_now_ = gravity_;
       if (VELOCITIES || compensated_) commands_now_.fill(0.0);
