@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Protocol
 
 from taskspec.program.plan import StagePlan
@@ -19,11 +19,16 @@ class Described(Protocol):
         """Pairs of what and how."""
 
 
-def beside(stage: StagePlan) -> Iterator[tuple[str, str]]:
-    """Pairs of what and how: bodies that are held, what the law adapts to, estimates and bounds."""
+def beside(stage: StagePlan, plans: Mapping[str, StagePlan]) -> Iterator[tuple[str, str]]:
+    """Pairs of what and how: bodies that are held, what the law adapts to, estimates and bounds.
+
+    Args:
+        stage: which one.
+        plans: of all stages, by name.
+    """
     parts: list[Described | None] = [
         jaw_command(stage),
-        *held_bodies(stage),
+        *held_bodies(stage, plans),
         tank_demand(stage),
         first_contact(stage),
         shown_payload(stage),

@@ -77,6 +77,8 @@ _DAMPED = 1e-4
 SCALES = (1.0, LEVER, LEVER, LEVER)
 #: Of a parameter of whose error less than this share is gone, nothing is known.
 SHOWN = 0.5
+#: A Gramian with less than this in one direction says nothing of what lies in it.
+_SINGULAR = 1e-6
 #: Forces and moments on the tip that a payload shows in.
 _COMPONENTS = 6
 #: An eigenvalue of a Gramian below this is none.
@@ -253,25 +255,25 @@ class Adaptation:
             left = np.where(values > 0, np.exp(-self.w * time * values), 1.0)
         return np.asarray(1 - np.diag((vectors * left) @ vectors.T))
 
-    def left_by_dead_zone(self, gramian: Matrix, known: Sequence[float]) -> list[float] | None:
-        """What the dead zone z may leave of each parameter [kg, m]; None where it is all of one.
+    def within(self, shows: Matrix, known: Sequence[float]) -> tuple[float, ...] | None:
+        """What the dead zone may leave of mass and centre [kg, m]; None where it may be all of it.
 
-        Where all m components of A theta~ are within z, theta~^T G theta~ <= m (z / |g|)^2, so that
-        of one parameter sqrt(m [G^-1]_ii) z / |g| is left. A first moment over the mass is a
-        centre, which has the mass's own share of it as well. More disturbs more.
+        Where all components of A theta~, m of them, are within z, theta~^T G theta~ <=
+        m (z / |g|)^2, so that of one parameter sqrt(m [G^-1]_ii) z / |g| is left. What disturbs
+        more leaves more. A centre has the share of its first moment and that of the mass.
 
         Args:
-            gramian: (4, 4) G, as for `shown`.
-            known: mass [kg] and centre (3) [m] that were estimated.
+            shows: (4, 4) the Gramian G, see `gramian`.
+            known: mass and centre.
         """
-        values, vectors = np.linalg.eigh(gramian)
+        values, vectors = np.linalg.eigh(shows)
         mass, *centre = known
-        if values[0] < _ROUNDING or mass < _LIGHT:
+        if values[0] < _SINGULAR or mass < _LIGHT:
             return None
         spread = np.sqrt(_COMPONENTS * np.diag((vectors / values) @ vectors.T))
-        left = (spread * np.array(SCALES) * self.dead_zone / self.g).tolist()
-        own = [(each + abs(c) * left[0]) / mass for c, each in zip(centre, left[1:], strict=True)]
-        return [left[0], *own]
+        of_mass, *moments = (spread * np.asarray(SCALES) * self.dead_zone / self.g).tolist()
+        of_centre = [(h + abs(c) * of_mass) / mass for c, h in zip(centre, moments, strict=True)]
+        return (of_mass, *of_centre)
 
     def rows(self) -> Iterator[tuple[str, str]]:
         """What it adapts to, and how fast."""

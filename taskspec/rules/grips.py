@@ -17,6 +17,7 @@ from taskspec.spec import FILE, KeyPath, Stage, Task, key_of
 from taskspec.spec.gripper import ALL, GripCommand
 from taskspec.statics.held_body import (
     closing_axis,
+    gripping_stage,
     half_width,
     held_as_begins,
     held_bodies,
@@ -126,21 +127,25 @@ def _empty(stage: Stage, held: set[GripCommand | None]) -> list[GripCommand | No
     return lost if named != ALL or len(lost) == len(held) else []
 
 
-@rule("TS353", "a grip that is too weak", predicts=("TS353",))
-def weak_grips(stage: StagePlan) -> Iterator[Finding]:
+@rule("TS353", "a grip that is too weak", phase=Phase.RUN, predicts=("TS353",))
+def weak_grips(plan: TaskPlan) -> Iterator[Finding]:
     """Grips that do not hold a body's weight as it is moved, or a moment on it."""
-    task = stage.context.loaded.task
-    for body in held_bodies(stage):
+    task = plan.context.loaded.task
+    bodies = ((n, b) for n, s in plan.framed.items() for b in held_bodies(s, plan.framed))
+    for name, body in bodies:
         grip = body.grip
         if body.needed <= grip.force:
             continue
-        place = next(n for n, s in task.stages.items() if s.grip == grip)
+        bears = f"{show(body.load, 'N', 3)} of weight and acceleration"
+        if body.moment:
+            about = f"{show(body.moment, 'N*m', 3)} on a half width of {show(body.half, 'mm', 3)}"
+            bears = f"{about}, and {bears}"
         yield warning(
             "TS353",
-            f"{grip.object!r} slips in stage {stage.name!r}: with a friction of "
-            f"{body.friction:g}, {body.bears} need {show(body.needed, 'N', 3)} at each jaw, which "
-            f"presses with {show(grip.force, 'N', 3)}",
-            FILE.stages[place].grip.force,
+            f"{grip.object!r} slips in stage {name!r}: with a friction of {body.friction:g}, "
+            f"{bears} need {show(body.needed, 'N', 3)} at each jaw, which presses with "
+            f"{show(grip.force, 'N', 3)}",
+            FILE.stages[gripping_stage(task, grip)].grip.force,
             "press harder, or move more gently",
             unless=("TS353",),
         )

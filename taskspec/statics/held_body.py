@@ -13,7 +13,7 @@ that has slid a little rocks on its pads and may hold more (`plant.pads`); that 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import product
 
 import casadi as ca
@@ -34,9 +34,6 @@ from taskspec.text.units import LINEAR_ACCELERATION, grams, scaled, show
 
 Vector = NDArray[np.float64]
 
-#: A force along the jaws below this part of that across them is not spoken of.
-_SEEN = 0.01
-
 
 @dataclass(frozen=True, slots=True)
 class HeldBody:
@@ -46,8 +43,7 @@ class HeldBody:
         grip: the command that it was gripped by.
         mass: of the body [kg].
         friction: mu, of the pads on it.
-        across: w, of weight and planned acceleration across the jaws' axis [N].
-        along: f, of both along that axis [N].
+        across, along: w and f, of weight and planned acceleration, where these need the most [N].
         moment: tau, of a thread that it is turned on [N m].
         half: its half width between the jaws [m].
     """
@@ -61,6 +57,11 @@ class HeldBody:
     half: float
 
     @property
+    def load(self) -> float:
+        """Weight and acceleration together [N]."""
+        return math.hypot(self.across, self.along)
+
+    @property
     def needed(self) -> float:
         """With which each jaw has to press [N]; 0 without friction."""
         borne = math.hypot(self.across / 2, self.moment / (2 * self.half))
@@ -68,19 +69,8 @@ class HeldBody:
 
     @property
     def holds(self) -> float:
-        """2 mu N - mu f, the most that the pads bear across their axis without a moment [N]."""
+        """mu (2 N - f), the most that the pads bear across their axis without a moment [N]."""
         return self.friction * max(2 * self.grip.force - self.along, 0.0)
-
-    @property
-    def bears(self) -> str:
-        """In words what makes it slip."""
-        text = f"{show(self.across, 'N', 3)} of weight and acceleration"
-        if self.along > _SEEN * self.across:
-            text += f" across the jaws, {show(self.along, 'N', 3)} along them"
-        if not self.moment:
-            return text
-        about = f"{show(self.moment, 'N*m', 3)} on a half width of {show(self.half, 'mm', 3)}"
-        return f"{about}, and {text}"
 
     def rows(self) -> Iterator[tuple[str, str]]:
         """What is held, and what makes it slip."""
@@ -125,32 +115,49 @@ def jaw_command(stage: StagePlan) -> JawCommand | None:
     return None if grip is None and released is None else JawCommand(grip, released or "")
 
 
-def held_bodies(stage: StagePlan) -> list[HeldBody]:
-    """The bodies that the jaws may hold throughout a stage, one for each grip before it."""
+def held_bodies(stage: StagePlan, plans: Mapping[str, StagePlan]) -> list[HeldBody]:
+    """The bodies that the jaws may hold throughout a stage, one for each grip before it.
+
+    Args:
+        stage: that moves them.
+        plans: of the stages that are known, by name.
+    """
     task = stage.context.loaded.task
     if not task.gripped or stage.spec.grip is not None or stage.spec.release is not None:
         return []
     held = held_as_begins(task).get(stage.name, set())
-    return [_held(stage, grip) for grip in in_order(held) if grip is not None]
+    found = []
+    for grip in in_order(held):
+        if grip is not None:
+            closed = plans.get(gripping_stage(task, grip), stage)
+            found.append(_held(stage, grip, closing_axis(closed)))
+    return found
 
 
-def _held(stage: StagePlan, grip: GripCommand) -> HeldBody:
+def gripping_stage(task: Task, grip: GripCommand) -> str:
+    """The first stage that commands it."""
+    return next(name for name, stage in task.stages.items() if stage.grip == grip)
+
+
+def _held(stage: StagePlan, grip: GripCommand, closed: Vector) -> HeldBody:
+    """Args: stage, grip; closed: (3,) along which the jaws closed on the body, world axes."""
     shape, n = stage.context.loaded.task.shapes[grip.object], closing_axis(stage)
+    moment, half = _moment(stage, grip), half_width(stage, grip.object, closed)
     mass = shape.mass or 0.0
     loads = [mass * (a - np.array(GRAVITY)) for a in _accelerations(stage)]
-    found = [
+    bodies = [
         HeldBody(
             grip,
             mass,
             shape.friction,
             across=float(np.linalg.norm(load - n * (n @ load))),
             along=abs(float(n @ load)),
-            moment=_moment(stage, grip),
-            half=half_width(stage, grip.object, n),
+            moment=moment,
+            half=half,
         )
         for load in loads
     ]
-    return max(found, key=lambda each: (each.needed, each.across))
+    return max(bodies, key=lambda body: body.needed)
 
 
 def in_order(held: set[GripCommand | None]) -> list[GripCommand | None]:

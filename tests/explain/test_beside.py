@@ -58,28 +58,28 @@ def planar(law="hybrid", control="{}"):
 
 def test_a_body_that_is_held_and_when_it_slips(plans):
     stages = plans("pick-and-screw")
-    assert dict(beside(stages["grasp"]))["grips"] == "cap, each jaw to press with 30 N"
-    assert dict(beside(stages["let_go"]))["releases"] == "cap"
-    assert dict(beside(stages["approach"])) == {}
-    (body,) = held_bodies(stages["carry"])
+    assert dict(beside(stages["grasp"], stages))["grips"] == "cap, each jaw to press with 30 N"
+    assert dict(beside(stages["let_go"], stages))["releases"] == "cap"
+    assert dict(beside(stages["approach"], stages)) == {}
+    (body,) = held_bodies(stages["carry"], stages)
     # 2 mu N, over the mass; the cap of 40 g rests on the pads, across their axis.
     # The move across has 10 mN along the jaws, which takes as much off one pad.
     assert 0 < body.along < 0.02
-    assert body.holds == pytest.approx(2 * 0.5 * 30 - 0.5 * body.along)
+    assert body.holds == pytest.approx(0.5 * (2 * 30 - body.along))
     assert body.across >= 0.04 * 9.81
-    rows = dict(beside(stages["carry"]))
+    rows = dict(beside(stages["carry"], stages))
     assert rows["holds"] == "cap of 40 g, each jaw presses with 30 N"
     assert rows["slips"].startswith("beyond 30 N across the jaws, which is |g + a| = 750 m/s^2")
-    harder = held_bodies(stages["screw_down"])
+    harder = held_bodies(stages["screw_down"], stages)
     assert [each.grip.force for each in harder] == [30.0, 65.0]
     for each in harder:
-        needed = math.hypot(each.across / 2, 0.4 / (2 * 15e-3)) / 0.5
+        needed = math.hypot(each.across / 2, 0.4 / (2 * 15e-3)) / 0.5 + each.along / 2
         assert each.needed == pytest.approx(needed)
 
 
 def test_a_payload_and_what_of_it_gravity_shows(plans):
     stages = plans("unknown-payload")
-    rows = dict(beside(stages["zero"]))
+    rows = dict(beside(stages["zero"], stages))
     assert rows["adapts"] == "to a payload of 0 g to 1 kg, its centre within 200 mm of the tip"
     # 1/(2 pi 0.5 Hz), and 0.1 N over g.
     assert "exp(-t/318 ms), 0.5 Hz, and at rest the mass comes within 10.2 g" in rows["estimate"]
@@ -88,8 +88,8 @@ def test_a_payload_and_what_of_it_gravity_shows(plans):
         "by gravity along its planned motion mass and centre along x and y; "
         "centre along z by its accelerations at most"
     )
-    assert rows["excites"] != dict(beside(stages["swing"]))["excites"]
-    press = dict(beside(stages["press"]))
+    assert rows["excites"] != dict(beside(stages["swing"], stages))["excites"]
+    press = dict(beside(stages["press"], stages))
     assert press == {
         "payload": "goes by its estimate and leaves it as it is: the sensor at the wrist takes "
         "contact and payload for one"
@@ -109,18 +109,18 @@ def test_what_a_gramian_leaves_of_an_error():
 
 
 def test_a_stiffness_that_is_estimated_and_gains_that_follow(plans):
-    rows = dict(beside(plans("press-unknown-pads")["on_soft"]))
+    rows = dict(beside(plans("press-unknown-pads")["on_soft"], {}))
     assert rows["estimates z"].startswith(
         "the contact's stiffness from 2 kN/m to 200 kN/m, begins with 20 kN/m; counts changes"
     )
     assert rows["follow z"].startswith("mass 0.3912 kg to ")
     # ln(200 / 2) / 50 and a tick.
     assert rows["follow z"].endswith("; there 93.1 ms after it is found at the latest")
-    assert "estimates z" not in dict(beside(plans("press-unknown-pads")["across"]))
+    assert "estimates z" not in dict(beside(plans("press-unknown-pads")["across"], {}))
 
 
 def test_a_tank_and_the_first_contact(plans):
-    rows = dict(beside(plans("energy-tank")["lower"]))
+    rows = dict(beside(plans("energy-tank")["lower"], {}))
     assert rows["tank"] == "holds 0.5 J, begins with 0.5 J; at most 0.4 W leave it"
     assert rows["first contact"].startswith("from rest along z with at most 70.7 mm/s; table")
 
@@ -132,7 +132,7 @@ def test_layers_and_what_they_hold():
     slope = (K_D - math.sqrt(max(K_D**2 - 4 * K_P, 0.0))) / 2
     assert layer.bound == pytest.approx(0.3 / slope)
     assert layer.taken == pytest.approx((K_D - slope + 2 / 0.3) * 1e-3 * (1 + slope * 1e-3))
-    ((name, text),) = beside(stage)
+    ((name, text),) = beside(stage, {})
     assert name == "slides along y"
     assert f"{1e3 * layer.bound:.3g} mm, by a layer of 300 mm/s; gain 2 m/s^2" in text
 
@@ -143,7 +143,7 @@ def test_layers_and_what_they_hold():
 )
 def test_what_an_observer_takes_off(torque, said):
     law = f"{{kind: hybrid, disturbance_observer: {{bandwidth: 20 Hz, torque: {torque}}}}}"
-    ((name, text),) = beside(planar(law))
+    ((name, text),) = beside(planar(law), {})
     assert name == "observes"
     assert text.startswith("disturbances up to 20 Hz, 7.96 ms behind them; takes off at most ")
     assert said in text
@@ -181,7 +181,7 @@ def test_friction_that_is_compensated():
 def test_a_task_without_any_of_it_has_no_row_more(plans):
     stages = plans("wipe-table")
     assert len(stages) > 2
-    assert [row for plan in stages.values() for row in beside(plan)] == []
+    assert [row for plan in stages.values() for row in beside(plan, stages)] == []
 
 
 def test_the_command_shows_them_as_words_and_as_data(tmp_path):

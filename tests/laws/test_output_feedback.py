@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from taskspec.compiler import compile_unchecked
+from taskspec.examination import examine
 from taskspec.laws.friction import Compensation
 from taskspec.program.velocity_estimate import VelocityEstimate
 from taskspec.robot.model_terms import PinocchioTerms
@@ -287,6 +288,29 @@ def test_too_much_compensation_hunts_where_its_loop_is_unstable(width, true, hun
     assert (gain > 1) == (width < 1 and true == 0)
     end = joints(run, "velocity")[-200:]
     assert (np.std(end, axis=0).max() > 0.05) == hunts
+
+
+@pytest.mark.parametrize(
+    ("width", "true", "said"),
+    [
+        (10, 0, None),
+        (0.3, 0.8, None),
+        (0.3, 0.2, "times what friction takes of it in each period, and may go on (hunt)"),
+        (
+            0.05,
+            0.1,
+            "times what friction takes of it in each period, and is likely to go on (hunt)",
+        ),
+        (0.3, 0, "gains energy, and no friction takes any of it in each period, and is likely to"),
+    ],
+)
+def test_what_is_said_of_more_compensation_than_friction(width, true, said) -> None:
+    given = {"declared": 1, "true": true, "width": width, "x": 20, "y": 0, "k": 1, "side": 0}
+    text = RUBS.format(**given).replace("0.5 N*m*s/rad", "0")
+    findings = examine(load_text(text, "task.yaml")).findings
+    found = [each.message for each in findings if each.code == "TS518"]
+    assert len(found) == (said is not None)
+    assert said is None or said in found[0]
 
 
 @pytest.mark.parametrize(

@@ -47,8 +47,8 @@ def payload_block(program: Program, history: History) -> dict[str, Any]:
         shows, time = found
         data["time"] = time
         data["least_eigenvalue"] = float(max(np.linalg.eigvalsh(shows)[0], 0.0))
-        left = adapted.left_by_dead_zone(shows, known)
-        data["within"] = None if left is None else dict(zip(PARAMETERS, left, strict=True))
+        within = adapted.within(shows, known) or (None,) * len(PARAMETERS)
+        data["within"] = dict(zip(PARAMETERS, within, strict=True))
         data["shown"] = dict(zip(PARAMETERS, adapted.shown(shows, time).tolist(), strict=True))
     return {"payload": data}
 
@@ -74,12 +74,13 @@ def sentences(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _with_bounds(data: Mapping[str, Any], name: str) -> str:
-    """A parameter with what the dead zone may leave of it; `?` for one that a run does not show."""
+    """A parameter to the digits that a run determines; `?` for one that it does not show."""
+    dimension = MASS if name == "mass" else LENGTH
+    within = data.get("within", {}).get(name)
     if name in unshown(data):
         return "?"
-    dimension, digits = (MASS, 3) if name == "mass" else (LENGTH, 2)
-    text, within = scaled(data[name], dimension, digits), data.get("within")
-    return text if within is None else f"{text} +- {scaled(within[name], dimension, 1)}"
+    text = scaled(data[name], dimension, 3 if name == "mass" else 2)
+    return text if within is None else f"{text} +- {scaled(within, dimension, 1)}"
 
 
 def _gramian(program: Program, history: History) -> tuple[Vector, float] | None:

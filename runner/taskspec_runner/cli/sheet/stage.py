@@ -161,7 +161,7 @@ def stage_sheet(
         contact=_contact(program, stage),
         null_space=_null_space(program, stage),
         kept=tuple(limit_rows(program, stage)),
-        beside=tuple(beside(stage.plan)),
+        beside=tuple(beside(stage.plan, {s.name: s.plan for s in program.stages})),
         selection=() if selected is None else selection_rows(selected),
         axes=(
             *(axis_row(program, stage, world) for world in imposed),
