@@ -11,7 +11,7 @@ from taskspec.robot import load_robot
 from taskspec.shapes import Box, Cylinder, Sphere
 from taskspec.spec import Robot, Tool
 from taskspec.text.units import split_quantity, to_si
-from taskspec_runner.plant import contact, mechanisms
+from taskspec_runner.plant import contact, dry_friction, mechanisms
 
 TEXT = " ".join(CONVENTIONS.read_text(encoding="utf-8").split())
 
@@ -52,7 +52,7 @@ def test_mechanisms():
     assert f"a damping ratio of {mechanisms._STOP_DAMPING:g}" in TEXT
     assert quantity("1e-6 kg*m^2") == mechanisms.KNOB_INERTIA
     assert "its inertia is 1e-6 kg·m²" in TEXT
-    assert mechanisms._SETTLING == 0.5
+    assert dry_friction.SETTLING == 0.5
 
 
 def test_loose_bodies():

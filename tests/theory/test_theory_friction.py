@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import presses
-import pytest
 
 from taskspec.laws.friction import Compensation
 from taskspec.program.velocity_estimate import VelocityEstimate
 from taskspec.robot.model_terms import PinocchioTerms
 from taskspec.stability.sampled_stage import loop_of
-from taskspec_runner.plant import scene
 
 SECTION = "4.4 Compensated friction of joints"
 T = 1e-3
@@ -41,25 +39,6 @@ GANTRY = """<mujoco model="gantry">
   </actuator>
 </mujoco>
 """
-
-
-@pytest.fixture
-def rigid(monkeypatch):
-    """Joints whose friction is rigid up to its limit, as that of the plant's mechanisms is.
-
-    MuJoCo's own takes less than its limit of joints that are slow: one that is held by torques
-    creeps, and one that turns round has some ms of less. The theorems are about Coulomb's.
-    """
-    weigh = scene.weigh
-
-    def and_stiffen(spec, arm):
-        for name in arm.robot.joint_names:
-            joint, d = spec.joint(name), 0.999
-            joint.solimp_friction = [d, d, 0.001, 0.5, 2.0]
-            joint.solref_friction = [-1e-9, -d * 0.5 / T]
-        return weigh(spec, arm)
-
-    monkeypatch.setattr(scene, "weigh", and_stiffen)
 
 
 def joints(made, what):
@@ -97,7 +76,6 @@ def gantry_file(rng, folder, number):
     return text, own, stiffness, true
 
 
-@pytest.mark.usefixtures("rigid")
 def test_no_random_joint_rests_further_from_its_reference(
     simulate, random_files, prediction, tmp_path, monkeypatch
 ):
@@ -153,7 +131,6 @@ def rubbed(made, q, v):
     return np.array(found)
 
 
-@pytest.mark.usefixtures("rigid")
 def test_no_random_compensation_gives_energy_with_the_friction(simulate, random_files, prediction):
     """Int q'.(u_f + friction) dt, all joints, from any instant on: never above nothing."""
     count, rng = random_files, np.random.default_rng(48152)
@@ -194,7 +171,6 @@ def held_file(rng):
     return text, VelocityEstimate(np.exp(-2 * np.pi * corner * T), T, modelled=True)
 
 
-@pytest.mark.usefixtures("rigid")
 def test_random_pulls_under_an_observer_are_those_of_the_closed_form(
     simulate, random_files, prediction
 ):

@@ -23,6 +23,7 @@ from taskspec.robot.rebuild import GRAVITY
 from taskspec.spec import Task
 from taskspec_runner.identify.motion import LoggedMotion
 from taskspec_runner.identify.rows import cross_rows
+from taskspec_runner.plant.dry_friction import IMPEDANCE, SETTLING
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -35,8 +36,6 @@ _SURELY = 1.5
 _SHAKEN = 4.0
 #: Places of a payload of which terms are kept: one, and one beside it along each axis.
 _KEPT = 4
-#: MuJoCo's impedance of a joint's friction, and the rate [1/s] at which it takes a slip away.
-_FRICTION_IMPEDANCE, _FRICTION_RATE = 0.9, 2.0 / (0.95 * 0.02)
 
 
 class FreeJoints:
@@ -55,7 +54,7 @@ class FreeJoints:
         self._H, self._bias = motion.inertia[rows], motion.bias[rows]
         self._accelerated = motion.acceleration[rows]
         n = self._rates.shape[1]
-        softness = (1 - _FRICTION_IMPEDANCE) / _FRICTION_IMPEDANCE
+        softness = (1 - IMPEDANCE) / IMPEDANCE
         self._softness = softness * context.robot.model.dof_invweight0[:n]
         # Of the step before, so that which ticks count does not go by the noise in them.
         shaken = np.std(np.diff(motion.acceleration, axis=0), axis=0) / 2**0.5
@@ -70,7 +69,7 @@ class FreeJoints:
         seems larger: from nothing on, iterations come to the true one.
         """
         # A joint creeps where its slip is small beside what friction and acceleration need.
-        least = (self._before + _SURELY * friction * self._softness) / _FRICTION_RATE
+        least = (self._before + _SURELY * friction * self._softness) * self._step / SETTLING
         return np.asarray(np.abs(self._rates) > np.maximum(least, _SLOW))
 
     def world(self, task: Task) -> tuple[Vector, Vector]:

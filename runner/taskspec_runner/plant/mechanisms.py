@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from taskspec.program.bound import Wiring
 from taskspec.spec import Mechanism
+from taskspec_runner.plant.dry_friction import set_friction
 from taskspec_runner.plant.names import KNOB, PREFIX, placed, weightless
 
 Vector = NDArray[np.float64]
@@ -24,8 +25,6 @@ Vector = NDArray[np.float64]
 KNOB_MASS, KNOB_INERTIA = 1e-6, 1e-6
 #: A body that only turns weighs this [kg], on its axis.
 _TURNING_MASS = 1e-3
-#: Friction is rigid up to its limit: it halves a slip in one step of the plant.
-_FRICTION_IMPEDANCE, _SETTLING = 0.999, 0.5
 #: A stop turns a motion back within a few steps, almost as a rigid wall would.
 _STOP_IMPEDANCE, _STOP_STEPS, _STOP_DAMPING = 0.99, 3.0, 2.0
 #: The thread of a screw: as rigid as MuJoCo makes a constraint.
@@ -49,9 +48,7 @@ def add_mechanism(spec: mujoco.MjSpec, name: str, declared: Mechanism, period: f
         _add_joint(body, f"{PREFIX}{name}/{kind}", slides=kind == "shift")
     coordinate = spec.joint(coordinate_joint(name, declared))
     coordinate.damping = [declared.damping, 0.0, 0.0]
-    coordinate.frictionloss = declared.friction
-    coordinate.solimp_friction = [_FRICTION_IMPEDANCE, _FRICTION_IMPEDANCE, 0.001, 0.5, 2.0]
-    coordinate.solref_friction = [-1e-9, -_SETTLING / period * _FRICTION_IMPEDANCE]
+    set_friction(coordinate, declared.friction, period)
     if declared.stop is not None:
         coordinate.limited = True
         coordinate.range = list(declared.stop)

@@ -12,6 +12,7 @@ from taskspec_runner.plant import grasp
 from taskspec_runner.plant.arm import SceneArm
 from taskspec_runner.plant.contact import add_loose_pairs, add_tool_pairs
 from taskspec_runner.plant.coupled import add_coupling
+from taskspec_runner.plant.dry_friction import set_friction
 from taskspec_runner.plant.looks import add_stands, draw_mechanism, dress
 from taskspec_runner.plant.mechanisms import add_mechanism, add_thread
 from taskspec_runner.plant.moving_base import moving
@@ -86,7 +87,7 @@ def scene_spec(
     friction = np.broadcast_to(declared.joint_friction, len(joints))
     for joint, viscous, dry in zip(joints, damping, friction, strict=True):
         spec.joint(joint).damping = [float(viscous), 0.0, 0.0]
-        spec.joint(joint).frictionloss = float(dry)
+        set_friction(spec.joint(joint), float(dry), period)
     mobility = weigh(spec, arm)
     begin = arm.declared.start
     near = None if begin is None or begin.xyz is None else np.array(begin.xyz)
