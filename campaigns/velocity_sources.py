@@ -33,8 +33,8 @@ SOURCES = ("differences", *(f"{{filter: {f} Hz}}" for f in CORNERS), "{observer:
 HEADS = {
     "velocity": ("`velocity`", "ends", "velocities off by", "torques off by, at most",
                  "force in `wipe`", "error along y", "met"),
-    "friction": ("`friction`", "error in `right`, y", "error at the end of `up`, x",
-                 "of `left`, y", "met"),
+    "friction": ("`friction`", "error in `right`, y", "in `up`, x",
+                 "at the end of `left`, y", "met"),
 }  # fmt: skip
 
 
@@ -101,7 +101,7 @@ def of_friction(name: str, new: str) -> tuple[str, ...]:
     with made(STICKING, FRICTION, new) as found:
         errors = (
             np.abs(during(found, "right", "error.y")).max(),
-            np.abs(during(found, "up", "error.x")[-1]),
+            np.abs(during(found, "up", "error.x")).max(),
             np.abs(during(found, "left", "error.y")[-1]),
         )
         return name, *(f"{1000 * error:.2f} mm" for error in errors), met(found)

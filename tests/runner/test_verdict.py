@@ -178,6 +178,11 @@ def judged(expectation: str, history: History = HISTORY) -> Judged:
         ("error.y < 2 mm", False, "error.y has no value: the arm does not move along y"),
         ("joint.2.position < 1 deg", False, "the arm has 1 joints, no joint 2"),
         (
+            "joint.1.disturbance < 1 N*m",
+            False,
+            "joint.1.disturbance is not in the log: it comes of law: {disturbance_observer: 20 Hz}",
+        ),
+        (
             "wipe.force.z < down.force.z",
             False,
             "its stages have no tick in common",

@@ -199,7 +199,11 @@ class Lookup:
         if meaning.kind == "joint" and not meaning.beside:
             columns = (*self._history.columns, *self._history.unrecorded)
             number = sum(c.startswith("joint.") and c.endswith(".torque") for c in columns)
-            return f"the arm has {number} joints, no joint {meaning.subject}"
+            if int(meaning.subject or 0) > number:
+                return f"the arm has {number} joints, no joint {meaning.subject}"
+        given = meaning.signal.given if meaning.signal is not None else ""
+        if given:
+            return f"{name} is not in the log: it comes of {given}"
         if meaning.axis:
             return f"{name} has no value: the arm does not move along {meaning.axis}"
         return f"{name} is not in the log"
