@@ -21,6 +21,7 @@ from taskspec.program.program import Program
 from taskspec.program.worlds import World
 from taskspec.spec import load_task
 from taskspec.text.diagnostic import SpecError
+from taskspec_runner.link.library import InLibrary
 from taskspec_runner.loop import fixed_step
 from taskspec_runner.loop.assembly import assemble
 from taskspec_runner.loop.fixed_step import INTERPRETED, NATIVE, PYTHON
@@ -30,12 +31,21 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def ran(
-    program: Program, path: Path, loop: str, world: World | None = None
+    program: Program,
+    path: Path,
+    loop: str,
+    world: World | None = None,
+    link: InLibrary | None = None,
 ) -> tuple[str, str, int, str]:
-    """How a run in a world ended, and why, its ticks, and the SHA-256 of its log."""
+    """How a run in a world ended, and why, its ticks, and the SHA-256 of its log.
+
+    Args:
+        program: of the task. path: of the log. loop: which. world: None for the true one.
+        link: to a library that commands in the program's place.
+    """
     for old in (path, path.with_name("log.block")):
         old.unlink(missing_ok=True)
-    parts = assemble(program, world)
+    parts = assemble(program, world) if link is None else link.assemble(program, world)
     with closing(parts.recorder(Log(path))) as recorder:
         outcome = fixed_step.run(
             parts.machine,
@@ -45,6 +55,7 @@ def ran(
             program.context.period,
             seed=0 if world is None else world.noise_seed,
             loop=loop,
+            sensing=parts.sensing,
         )
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return outcome.status, outcome.reason, outcome.ticks, digest
