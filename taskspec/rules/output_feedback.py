@@ -30,7 +30,7 @@ _SHARE = 0.2
 #: From this factor on it is reported how much further off an arm rests with an observer.
 _FARTHER = 1.5
 _FRICTION = "robot.joint_friction"
-#: From this gain on most random files hunt, below it one in three (`campaigns/hunting.py`).
+#: From this gain on most random files hunt, below it fewer than half (`campaigns/hunting.py`).
 _LIKELY = 4.0
 #: Of differences of g [rad, m].
 _STEP = 1e-5

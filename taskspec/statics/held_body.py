@@ -140,7 +140,7 @@ def gripping_stage(task: Task, grip: GripCommand) -> str:
 
 
 def _held(stage: StagePlan, grip: GripCommand, closed: Vector) -> HeldBody:
-    """Args: stage, grip; closed: (3,) along which the jaws closed on the body, world axes."""
+    """A body as a stage moves it; the jaws closed on it along `closed` (3,), world axes."""
     shape, n = stage.context.loaded.task.shapes[grip.object], closing_axis(stage)
     moment, half = _moment(stage, grip), half_width(stage, grip.object, closed)
     mass = shape.mass or 0.0
