@@ -51,8 +51,8 @@ def judge_log(
     Raises:
         InputError: the log is that of a run of this project, in its folder.
     """
-    if log.is_dir() or log.name == LOG:
-        folder = log if log.is_dir() else log.parent
+    if log.name == LOG or (log / LOG).is_file():
+        folder = log.parent if log.name == LOG else log
         raise InputError(
             f"{log} is of a run: taskspec judge {folder} judges it by its own task; to judge it by "
             f"{file}, write its log first: taskspec export {folder} --parquet"
