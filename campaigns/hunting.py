@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import re
 import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
+from page_tables import write_table
 
 from taskspec.compiler import compile_unchecked
 from taskspec.spec import load_text
@@ -106,11 +106,7 @@ def main() -> None:
     rows = table(found)
     sys.stdout.write(rows)
     if given.page is not None:
-        text = given.page.read_text(encoding="utf-8")
-        mark = "<!-- table: hunting -->\n"
-        assert mark in text
-        text = re.sub(rf"(?<={mark})(?:\|.*\n)*", lambda _: rows, text, count=1)
-        given.page.write_text(text, encoding="utf-8")
+        write_table(given.page, "hunting", rows)
 
 
 if __name__ == "__main__":

@@ -10,13 +10,13 @@ overshoots, under the plain law, and with a disturbance observer in place of the
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from page_tables import write_table
 
 from taskspec.examination import examine
 from taskspec.spec import load_text
@@ -115,11 +115,7 @@ def main() -> None:
     found = table()
     sys.stdout.write(found)
     if page is not None:
-        text = page.read_text(encoding="utf-8")
-        mark = "<!-- table: layers -->\n"
-        assert mark in text
-        text = re.sub(rf"(?<={mark})(?:\|.*\n)*", lambda _: found, text, count=1)
-        page.write_text(text, encoding="utf-8")
+        write_table(page, "layers", found)
 
 
 if __name__ == "__main__":

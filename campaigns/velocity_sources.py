@@ -10,7 +10,6 @@ docs/laws/output-feedback.md.
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -18,6 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from page_tables import write_table
 
 from taskspec.rules.output_feedback import torque_noise
 from taskspec.spec import load_text
@@ -56,11 +56,7 @@ def joints(found: Run, signal: str) -> np.ndarray:
 
 def during(found: Run, stage: str, signal: str) -> np.ndarray:
     """A signal while a stage is on; empty where the run did not come to it."""
-    visits = [visit for visit in found.visits if visit.stage == stage]
-    inside = np.zeros(len(found.clock), bool)
-    for visit in visits:
-        inside |= (found.clock >= visit.start) & (found.clock < visit.end)
-    return np.asarray(found.column(signal))[inside]
+    return np.asarray(found.column(signal))[found.history.window(stage)]
 
 
 def met(found: Run) -> str:
@@ -126,11 +122,7 @@ def main() -> None:
         found = table(kind)
         sys.stdout.write(found)
         if page is not None:
-            text = page.read_text(encoding="utf-8")
-            mark = f"<!-- table: {kind} -->\n"
-            assert mark in text
-            text = re.sub(rf"(?<={mark})(?:\|.*\n)*", lambda _, rows=found: rows, text, count=1)
-            page.write_text(text, encoding="utf-8")
+            write_table(page, kind, found)
 
 
 if __name__ == "__main__":

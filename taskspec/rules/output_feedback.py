@@ -255,7 +255,7 @@ def over_compensated(task: TaskPlan) -> Iterator[Finding]:
 
 
 def _gain(sampled: SampledStage, friction: Compensation, least: Vector) -> float:
-    """As `gained`, 0 of a loop that cannot be looked at."""
+    """As `gained`, 0 of a loop that cannot be analysed."""
     try:
         return gained(sampled, friction, least)
     except UnfitError:

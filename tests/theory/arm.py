@@ -16,6 +16,12 @@ from taskspec_runner.plant.plant import Plant
 Vector = NDArray[np.float64]
 
 
+def joint_columns(run: Any, what: str) -> Vector:
+    """(ticks, n) a signal of all joints."""
+    n = run.program.context.robot.pin.nv
+    return np.column_stack([run[f"joint.{i + 1}.{what}"] for i in range(n)])
+
+
 def joints(run: Any, row: int, what: str = "position") -> Vector:
     """(n,) joint positions [rad], velocities [rad/s] or torques [N m] of a row of the log."""
     n = run.program.context.robot.pin.nv

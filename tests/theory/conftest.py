@@ -28,8 +28,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 @pytest.fixture
 def random_files(request: pytest.FixtureRequest) -> int:
     """How many random files a test draws that has slow ones: all of 200, and a fifth of a few."""
-    asked: int = request.config.getoption("random_presses")
-    return asked if asked >= _ALL else max(asked // 5, 2)
+    count: int = request.config.getoption("random_presses")
+    return count if count >= _ALL else max(count // 5, 2)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import presses
+from arm import joint_columns
 
 from taskspec.laws.friction import Compensation
 from taskspec.program.velocity_estimate import VelocityEstimate
@@ -39,12 +40,6 @@ GANTRY = """<mujoco model="gantry">
   </actuator>
 </mujoco>
 """
-
-
-def joints(made, what):
-    """(ticks, n) of a signal of all joints."""
-    n = made.program.context.robot.n
-    return np.column_stack([made[f"joint.{i + 1}.{what}"] for i in range(n)])
 
 
 def gantry_file(rng, folder, number):
@@ -124,7 +119,7 @@ def rubbing_file(rng):
 
 def rubbed(made, q, v):
     """(ticks - 1, n) torque of the joints' true friction, of what the plant has made of torques."""
-    terms, u, found = PinocchioTerms(made.program.context.robot), joints(made, "torque"), []
+    terms, u, found = PinocchioTerms(made.program.context.robot), joint_columns(made, "torque"), []
     for k, a in enumerate(np.diff(v, axis=0) / T):
         terms.at(q[k], v[k])
         found.append(terms.inertia @ a + terms.bias - u[k])
@@ -138,9 +133,9 @@ def test_no_random_compensation_gives_energy_with_the_friction(simulate, random_
     for _ in range(count):
         made = simulate(rubbing_file(rng))
         q, v, u = (
-            joints(made, "position"),
-            joints(made, "velocity"),
-            joints(made, "torque.friction"),
+            joint_columns(made, "position"),
+            joint_columns(made, "velocity"),
+            joint_columns(made, "torque.friction"),
         )
         friction = rubbed(made, q, v)
         # The plant's period has its friction at the velocity that it ends with.
@@ -189,8 +184,8 @@ def test_random_pulls_under_an_observer_are_those_of_the_closed_form(
         assert sampled is not None
         terms, left = PinocchioTerms(context.robot), []
         for run in (made, plain):
-            terms.at(joints(run, "position")[-1], np.zeros(n))
-            left.append(joints(run, "torque")[-1] - terms.gravity)
+            terms.at(joint_columns(run, "position")[-1], np.zeros(n))
+            left.append(joint_columns(run, "torque")[-1] - terms.gravity)
         D = -sampled.controller.torque[:, n : 2 * n]
         share = estimate.of_acceleration * np.linalg.solve(H, D.T).T
         expected = np.linalg.solve(np.eye(n) + share, left[1])

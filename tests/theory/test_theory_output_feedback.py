@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import presses
+from arm import joint_columns
 from identify import poles
 
 from taskspec.program.velocity_estimate import VelocityEstimate
@@ -16,12 +17,6 @@ ARMS = tuple(presses.ARMS.values())
 #: Laws under which a tool may move freely, and meet a plane with its motion axes.
 LAWS = ("pd", "pd-joint", "impedance", "impedance-natural", "hybrid", "parallel")
 BECAUSE = "a proof has no exception"
-
-
-def joints(made, what):
-    """(ticks, n) of a signal of all joints."""
-    n = made.program.context.robot.n
-    return np.column_stack([made[f"joint.{i + 1}.{what}"] for i in range(n)])
 
 
 def source(rng):
@@ -46,7 +41,7 @@ def wrench(made):
 def predicted(made, q, v):
     """(ticks, n) H^-1 (u + J^T f - C v - g), by Pinocchio."""
     terms, found = PinocchioTerms(made.program.context.robot), []
-    for at, rate, u, f in zip(q, v, joints(made, "torque"), wrench(made), strict=True):
+    for at, rate, u, f in zip(q, v, joint_columns(made, "torque"), wrench(made), strict=True):
         terms.at(at, rate)
         found.append(np.linalg.solve(terms.inertia, u + terms.jacobian.T @ f - terms.bias))
     return np.array(found)
@@ -89,9 +84,12 @@ def test_no_random_estimate_is_off_by_more_than_its_bound(simulate, random_files
     for _ in range(count):
         text, estimate, r = estimated_file(rng)
         made = simulate(text)
-        rows = slice(0, int(np.sum(np.isfinite(joints(made, "torque")[:, 0]))))
-        v, own = joints(made, "velocity")[rows], joints(made, "velocity.measured")[rows]
-        q = joints(made, "position.measured")[rows]
+        rows = slice(0, int(np.sum(np.isfinite(joint_columns(made, "torque")[:, 0]))))
+        v, own = (
+            joint_columns(made, "velocity")[rows],
+            joint_columns(made, "velocity.measured")[rows],
+        )
+        q = joint_columns(made, "position.measured")[rows]
         a = np.diff(v, axis=0) / T
         d, steps = a, 0.0
         if estimate.modelled:
@@ -159,8 +157,11 @@ def test_no_random_torque_is_moved_by_more_than_its_bound(simulate, random_files
         number += 1
         n = made.program.context.robot.n
         K, D = sampled.controller.torque[:, :n], sampled.controller.torque[:, n : 2 * n]
-        read, own = joints(made, "position.measured"), joints(made, "velocity.measured")
-        q, u = joints(made, "position"), joints(made, "torque")
+        read, own = (
+            joint_columns(made, "position.measured"),
+            joint_columns(made, "velocity.measured"),
+        )
+        q, u = joint_columns(made, "position"), joint_columns(made, "torque")
         G = of_gravity(made, read[0])
         v = exact(estimate, q, predicted(made, read, own) if estimate.modelled else None)
         # Entered with the joints as they were read, at rest.

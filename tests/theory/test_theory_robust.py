@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import presses
 import pytest
+from arm import joint_columns
 
 from taskspec.examination import examine
 from taskspec.laws import disturbance
@@ -25,12 +26,6 @@ truth:
 """
 
 
-def joints(made, what, rows=slice(None)):
-    """(ticks, n) of a signal of all joints."""
-    n = made.program.context.robot.n
-    return np.column_stack([made[f"joint.{i + 1}.{what}"][rows] for i in range(n)])
-
-
 def on_axes(made, signal, axes):
     """(ticks, m) of a signal on some axes, 0 where it has none."""
     return np.column_stack([np.nan_to_num(made[signal.format(a)]) for a in axes])
@@ -47,7 +42,7 @@ def terms(made, row):
     """H, C q' + g, J and J' q' of a row of the log, by Pinocchio; J on the world's axes."""
     robot = made.program.context.robot
     found = PinocchioTerms(robot)
-    found.at(joints(made, "position")[row], joints(made, "velocity")[row])
+    found.at(joint_columns(made, "position")[row], joint_columns(made, "velocity")[row])
     H, bias, _, J, _, _, drift = found.arrays
     return unpacked(H, robot.n), bias.copy(), J.reshape(6, -1, order="F"), drift.copy()
 
@@ -84,8 +79,8 @@ def test_torques_are_those_of_the_equations_recomputed_from_the_log(simulate, st
     )
     truth = _TRUTH.format(payload=60, friction=0.05, push=2, joint=2, at=0.3, lasts=0.2)
     made = simulate(FREE.task(law, "hold: {time: 0.8 s}", contact=None, rest="") + truth)
-    torque, estimate = joints(made, "torque"), joints(made, "disturbance")
-    v, e = joints(made, "velocity"), on_axes(made, "error.{}", "xy")
+    torque, estimate = joint_columns(made, "torque"), joint_columns(made, "disturbance")
+    v, e = joint_columns(made, "velocity"), on_axes(made, "error.{}", "xy")
     rate = on_axes(made, "velocity.{}", "xy")
     K_P, K_D = (2 * np.pi * 3) ** 2, 2 * 1.2 * 2 * np.pi * 3
     slope = 2 * np.pi * 3 * (1.2 - np.sqrt(1.2**2 - 1))
@@ -124,7 +119,7 @@ def test_along_a_force_axis_the_observer_takes_nothing_off(simulate):
     truth = _TRUTH.format(payload=60, friction=0.05, push=1, joint=2, at=0.5, lasts=0.2)
     press = "press: {axes: {x: {force: +8 N}}, time: 1 s}"
     made = simulate(FREE.task(law, press, contact="stiffness: 5 kN/m, damping: 20 N*s/m") + truth)
-    d, torque = joints(made, "disturbance"), joints(made, "torque")
+    d, torque = joint_columns(made, "disturbance"), joint_columns(made, "torque")
     f, rate = -on_axes(made, "force.{}.measured", "xy"), on_axes(made, "velocity.{}", "xy")
     pushed = on_axes(made, "force.{}.ref", "xy")
     seen = 0.0
@@ -172,7 +167,7 @@ def test_each_tick_takes_its_share_of_s(simulate, prediction, share):
 def test_the_estimate_follows_a_push_as_its_low_pass_does(simulate, prediction):
     """d goes to a push by 1 - b^k, and what is held on is the push."""
     made = simulate(held("{kind: hybrid, disturbance_observer: 10 Hz}", 1.0))
-    d, b = joints(made, "disturbance")[:, 1], np.exp(-2 * np.pi * 10 * T)
+    d, b = joint_columns(made, "disturbance")[:, 1], np.exp(-2 * np.pi * 10 * T)
     first = int(np.flatnonzero(np.abs(d) > 1e-3)[0])
     for ticks in (5, 16, 50):
         prediction(
@@ -191,7 +186,7 @@ def test_an_observer_of_late_torques_is_stable_up_to_its_boundary(simulate, late
     text = held(
         f"{{kind: hybrid, bandwidth: 1 Hz, disturbance_observer: {bandwidth:.9g} Hz}}", 0.01
     ).replace("faults: [", f"faults: [{{torque: late {late} ms}}, ")
-    d = joints(simulate(text), "disturbance")[:, 1] - 0.01
+    d = joint_columns(simulate(text), "disturbance")[:, 1] - 0.01
     early, after = np.ptp(np.diff(d)[130:170]), np.ptp(np.diff(d)[400:440])
     assert (after > early) == (step > disturbance.largest_step(late))
 
@@ -219,7 +214,7 @@ def test_the_estimate_goes_on_into_the_next_stage_and_begins_anew_after_one_with
     )
     text += "truth: {faults: [{torque: bias 1 N*m, joint: 2, at: 0 s}]}\n"
     made = simulate(text)
-    d, torque = joints(made, "disturbance"), joints(made, "torque")
+    d, torque = joint_columns(made, "disturbance"), joint_columns(made, "torque")
     rows = {
         name: np.flatnonzero(made.history.window(name))
         for name in ("first", "second", "plain", "again")

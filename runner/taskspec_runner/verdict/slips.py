@@ -42,7 +42,7 @@ def slips(task: Task, history: History) -> Iterator[Slip]:
     if not task.gripped or not {*signals} <= history.columns.keys():
         return
     force, slip, command = (history.columns[name] for name in signals)
-    seen: set[str] = set()
+    known: set[str] = set()
     for visit in history.visits():
         closed = command[visit.rows] > 0
         # The first tick's command is that of the stage, what is reported belongs to the one before.
@@ -50,8 +50,8 @@ def slips(task: Task, history: History) -> Iterator[Slip]:
         distance = float(np.ptp(slid)) if slid.size else 0.0
         held = (force[visit.rows] > 0) & closed
         lost = bool(held.any() and closed[-1] and force[visit.rows][-1] == 0)
-        if visit.stage not in seen and (lost or distance > _SLIDES):
-            seen.add(visit.stage)
+        if visit.stage not in known and (lost or distance > _SLIDES):
+            known.add(visit.stage)
             yield Slip(visit, distance, lost)
 
 
